@@ -128,7 +128,11 @@ def moves_through(position: Float[np.ndarray, "T m"], dt: float) -> Moves:
         if slow[at[-1]] and resting <= NEAR:
             last, place = bound, ends[-1]
         else:
-            last = _farthest_move(ends[-1], position, written, at[-1], bound)
+            last = bound
+            for samples in SPACINGS:  # the longest move that stays near the samples
+                last = min(at[-1] + samples, bound)
+                if _away(ends[-1], written[last], position[at[-1] : last + 1]) <= NEAR:
+                    break
             place = written[last]
         at.append(last)
         ends.append(place)
@@ -143,15 +147,6 @@ def _apart(ends: np.ndarray, lasting: np.ndarray, position: np.ndarray, dt: floa
     sampled = dt * np.arange(len(position))
     on = np.stack([np.interp(sampled, times, axis) for axis in at.T], axis=1)
     return float(np.linalg.norm(position - 1e-3 * on, axis=1).max())
-
-
-def _farthest_move(
-    start: np.ndarray, position: np.ndarray, written: np.ndarray, at: int, bound: int
-) -> int:
-    """Last sample of the longest move that stays near the samples."""
-    lasts = [min(at + samples, bound) for samples in SPACINGS]
-    near = (last for last in lasts if _away(start, written[last], position[at : last + 1]) <= NEAR)
-    return next(near, lasts[-1])
 
 
 def _away(start: np.ndarray, end: np.ndarray, points: Float[np.ndarray, "k m"]) -> float:

@@ -114,15 +114,10 @@ def _linuxcnc(
         path_speed=setting("TRAJ", "MAX_LINEAR_VELOCITY", np.inf),
         tolerance=length * float(blended[1]) if blended else None,
     )
-    return limits, _questioned(speed, length)
-
-
-def _questioned(speeds: dict[str, float], length: float) -> tuple[str, ...]:
-    """Questions about speeds [m/s] that nearly no axis has."""
-    unit = "mm/s" if length == MM else "inches a second"
-    return tuple(
-        f"{key} = {speed / length:g} is read as {unit}, {feed_words(speed)}: is it a minute's, "
+    read = "mm/s" if length == MM else "inches a second"
+    return limits, tuple(
+        f"{key} = {one / length:g} is read as {read}, {feed_words(one)}: is it a minute's, "
         "as in grbl?"
-        for key, speed in speeds.items()
-        if speed > FAST
+        for key, one in speed.items()
+        if one > FAST  # nearly no axis has that
     )

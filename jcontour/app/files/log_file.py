@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.app.files.checks import METRES, RADIANS
-from jcontour.app.files.clock import SECONDS, EvenPart, likely_unit, longest_even_part, resampled
+from jcontour.app.files.clock import SECONDS, likely_unit, longest_even_part, resampled
 from jcontour.app.files.log_table import Table, finite, read_table
 
 LENGTHS = METRES | RADIANS
@@ -77,7 +77,10 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     else:
         if len(stamps) != len(signals):
             raise ValueError(f"{path}: time has {len(stamps)} rows, the signals {len(signals)}")
-        part = _even_part(path, stamps)
+        try:
+            part = longest_even_part(stamps)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         dt, keep = part.dt, part.rows
         words += [part.words] if part.words else []
     signals = signals[keep]
@@ -116,13 +119,6 @@ def _stamps(
         f"time: column {name} states no unit and is taken as {unit}, a sample every "
         f"{period:g} ms; if it is not, give --period-ms"
     ]
-
-
-def _even_part(path: Path, time: Float[np.ndarray, " T"]) -> EvenPart:
-    try:
-        return longest_even_part(time)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def _named(

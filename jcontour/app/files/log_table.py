@@ -151,7 +151,11 @@ def _names(
     path: Path, above: list[str], columns: dict[int, np.ndarray], separator: str
 ) -> dict[int, str]:
     """Names of the columns: from the last line above, or from text that stands before each."""
-    texts = [k for k, column in columns.items() if _is_constant_text(column)]
+    texts = []  # columns of one text that is no number
+    for k, column in columns.items():
+        text = isinstance(column[0], str) and not _is_number(column[0].replace(",", "."))
+        if text and (column == column[0]).all():
+            texts.append(k)
     if texts and list(columns)[::2] == texts:
         return dict(zip(list(columns)[1::2], [columns[k][0].lower() for k in texts], strict=False))
     filled = [words for words in above if words.strip()]
@@ -161,12 +165,6 @@ def _names(
     if len(set(names.values())) < len(names):
         raise ValueError(f"{path}: two columns have the same name; has {', '.join(names.values())}")
     return names
-
-
-def _is_constant_text(column: np.ndarray) -> bool:
-    first = column[0]
-    text = isinstance(first, str) and not _is_number(first.replace(",", "."))
-    return text and bool((column == first).all())
 
 
 def _netcdf(path: Path) -> dict[str, np.ndarray]:

@@ -34,8 +34,14 @@ def _numbers(path: str) -> dict[str, np.ndarray]:
     if not h5py.is_hdf5(path):
         return dict(_fields("", loadmat(path)))
     arrays: dict[str, np.ndarray] = {}
+
+    def keep(name: str, one: Any) -> None:
+        kind = getattr(getattr(one, "dtype", None), "kind", "")
+        if kind and kind in NUMERIC:
+            arrays[name.replace("/", ".")] = one[()]
+
     with h5py.File(path) as file:  # version 7.3
-        file.visititems(lambda name, one: arrays.update(_dataset(name, one)))
+        file.visititems(keep)
     return arrays
 
 
@@ -49,12 +55,6 @@ def _fields(above: str, arrays: Mapping[str, np.ndarray]) -> Iterator[tuple[str,
         elif values.dtype.names and values.size == 1:
             one = values.flat[0]
             yield from _fields(f"{above}{name}.", dict(zip(values.dtype.names, one, strict=True)))
-
-
-def _dataset(name: str, one: Any) -> dict[str, np.ndarray]:
-    """An array of numbers of an HDF5 file by its name; none for anything else."""
-    kind = getattr(getattr(one, "dtype", None), "kind", "")
-    return {name.replace("/", "."): one[()]} if kind in NUMERIC and kind else {}
 
 
 if __name__ == "__main__":

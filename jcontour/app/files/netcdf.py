@@ -30,9 +30,9 @@ def save_variables(variables: Variables, attributes: Mapping[str, Any], path: Pa
             file.attrs.update(attributes)
             for name, (dimensions, given, about) in variables.items():
                 values, noted = np.asarray(given), dict(about)
-                for dimension, size in zip(dimensions, values.shape, strict=True):
-                    if dimension not in file.dimensions:
-                        file.dimensions[dimension] = size
+                sizes = dict(zip(dimensions, values.shape, strict=True))
+                new = {one: size for one, size in sizes.items() if one not in file.dimensions}
+                file.dimensions.update(new)
                 kind = values.dtype
                 if kind.kind in "UO":  # text
                     values, kind = values.astype(object), h5py.string_dtype()

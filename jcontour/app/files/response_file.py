@@ -116,21 +116,18 @@ def _tuned(path: Path) -> dict[str, np.ndarray]:
 
 def _doubles(path: Path, text: str) -> Float[np.ndarray, " N"]:
     """Numbers of eight bytes in base 85."""
-    words = re.findall(r"\.|[^.]{5}", "".join(text.split()))
+    values = []
     try:
-        values = [_whole(word) for word in words]
+        for word in re.findall(r"\.|[^.]{5}", "".join(text.split())):
+            whole = 0
+            for digit in word if word != "." else "":
+                whole = 85 * whole + DIGITS.index(digit)
+            values.append(whole)
         return np.array(
             struct.unpack(f">{len(values) // 2}d", struct.pack(f">{len(values)}I", *values))
         )
     except (ValueError, struct.error):
         raise ValueError(f"{path}: numbers that are not whole; is the file cut off?") from None
-
-
-def _whole(word: str) -> int:
-    value = 0
-    for digit in word if word != "." else "":
-        value = 85 * value + DIGITS.index(digit)
-    return value
 
 
 NAMES = ("time", "control", "position")

@@ -88,7 +88,15 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         for path, copy in copies.items():
             (made / copy).parent.mkdir(parents=True)
             shutil.copyfile(path, made / copy)
-        write_json(made / SETTINGS, settings(command, flags, copies))
+        settings = {
+            "command": command,
+            "command_line": ["jcontour", *sys.argv[1:]],
+            "flags": plain(flags),
+            "inputs": copies,
+            "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            "versions": versions(),
+        }
+        write_json(made / SETTINGS, settings)
         # fails where the folder holds anything, also when two runs start at once
         made.rename(folder)
     except OSError as error:
@@ -96,18 +104,6 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         check_free(folder)
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
     return folder
-
-
-def settings(command: str, flags: Any, inputs: dict[str, str]) -> dict[str, Any]:
-    """Command line, flags, inputs and versions of a run."""
-    return {
-        "command": command,
-        "command_line": ["jcontour", *sys.argv[1:]],
-        "flags": plain(flags),
-        "inputs": inputs,
-        "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-        "versions": versions(),
-    }
 
 
 def versions() -> dict[str, str]:

@@ -17,7 +17,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -127,7 +127,11 @@ def rules(everything: bool = True, helped: bool = False) -> ConstructorRegistry:
         texts, rare = texts_of(kind.type), getattr(kind.type, "RARE", ())
         specs = []
         for field in fields(kind.type):
-            default = _default(field, kind.default)
+            default: Any = tyro.MISSING if field.default is MISSING else field.default
+            if is_dataclass(kind.default):  # that of the whole where there is one
+                default = getattr(kind.default, field.name)
+            elif field.default_factory is not MISSING:
+                default = field.default_factory()
             shown: Any = types[field.name]
             if default is None or default is False or default in ((), "", Path()):
                 shown = Annotated[shown, NOTHING_SAID]
@@ -159,12 +163,3 @@ def _one_value(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
         is_instance=lambda value: isinstance(value, accepted) or (value is None and not needed),
         str_from_instance=lambda value: [str(value)],
     )
-
-
-def _default(field: Field, whole: Any) -> Any:
-    """Default of a field: that of the whole where there is one, else the field's own."""
-    if is_dataclass(whole):
-        return getattr(whole, field.name)
-    if field.default_factory is not MISSING:
-        return field.default_factory()
-    return tyro.MISSING if field.default is MISSING else field.default

@@ -128,7 +128,11 @@ def _sections(
     random = np.random.default_rng([SEED, axis])
     phases = random.uniform(0, 2 * np.pi, (DRAWN, len(w)))
     waves = np.sin(np.outer(time[:rows], w) + phases[:, None]) @ (1 / w)
-    allowed = [_within((np.inf, ONE_SIDED * slow, most[2]), limits.dt, one) for one in waves]
+    allowed = []  # each periodic signal as large as speed and acceleration allow
+    for one in waves:
+        around = np.concatenate([one, one[:2]])
+        fastest, hardest = (np.abs(np.diff(around, k)).max() / limits.dt**k for k in (1, 2))
+        allowed.append(one / max(fastest / (ONE_SIDED * slow), hardest / most[2]))
     realisations = sorted(allowed, key=lambda one: -float(np.var(one)))[:REALISATIONS]
     shaken = [level * np.tile(one, 1 + KEPT) for level in LEVELS for one in realisations]
     speeds = [way * np.full(len(time), slow) for way in np.resize([1.0, -1.0], len(shaken))]
@@ -136,7 +140,8 @@ def _sections(
     back = there * (-1) ** len(shaken)
     window = np.hanning(round(EASE / limits.dt) + 2)[1:-1]
     speed = np.convolve(np.concatenate([-there, *speeds, back]), window / window.sum())
-    grown = _eased(time / EASE)
+    part = np.clip(time / EASE, 0.0, 1.0)
+    grown = part**3 * (10 - 15 * part + 6 * part**2)  # without a jump of the acceleration
     before = [np.zeros(len(time)), *shaken]
     turned = [one + grown * (two - one) for one, two in pairwise(before)]
     turned[-1] = turned[-1] * grown[::-1]
@@ -152,12 +157,6 @@ def _lines(limits: Excited) -> Int[np.ndarray, " L"]:
     return np.array(lines)
 
 
-def _eased(part: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
-    """From 0 to 1 without a jump of the acceleration."""
-    part = np.clip(part, 0.0, 1.0)
-    return part**3 * (10 - 15 * part + 6 * part**2)
-
-
 def _strokes(dt: float, most: tuple[float, float, float]) -> Float[np.ndarray, " T"]:
     """Moves to and fro, twice each length, at the speed and the acceleration of the limits [m]."""
     speeds = []
@@ -171,15 +170,6 @@ def _strokes(dt: float, most: tuple[float, float, float]) -> Float[np.ndarray, "
         once *= length / (dt * once.sum())
         speeds += 2 * [once, -once, -once, once]
     return dt * np.cumsum(np.concatenate(speeds))
-
-
-def _within(
-    most: Sequence[float], dt: float, signal: Float[np.ndarray, " T"]
-) -> Float[np.ndarray, " T"]:
-    """The periodic signal as large as travel, speed and acceleration allow."""
-    around = np.concatenate([signal, signal[:2]])
-    used = [np.abs(np.diff(around, order)).max() / dt**order for order in range(3)]
-    return signal / max(one / limit for one, limit in zip(used, most, strict=True))
 
 
 def strokes(limits: Excited, axis: int) -> list[float]:

@@ -81,12 +81,24 @@ def held_out_like(jobs: Sequence[Job], pace: Pace) -> list[Job]:
     sharp = max(sharpest_corner(job) for job in jobs) > CORNER
     at_rest = 2 * sum(job.at_rest for job in jobs) > len(jobs)
     longest = scale.feed * machine.model.dt * samples
-    run = _from_rest_to_rest if at_rest else _at_constant_feed
-    middle = 0.5 * (scale.low + scale.high)
-    return [
-        run(name, moved(contour, middle), pace, scale.feed, samples)
-        for name, contour in _contours(scale, sharp, longest).items()
-    ]
+    middle, runs = 0.5 * (scale.low + scale.high), []
+    for name, contour in _contours(scale, sharp, longest).items():
+        path, feed = moved(contour, middle), scale.feed
+        if at_rest:
+            if float(path.length) > longest:  # more is not planned, and then thrown away
+                path = beginning(path, longest)
+            run = from_rest_to_rest(name, path, pace, feed)
+            if run.samples > samples:
+                path = beginning(path, float(run.arc[samples - 1]))
+                run = from_rest_to_rest(name, path, pace, feed)
+        else:
+            if machine.limits.speed is not None:
+                feed = min(feed, float(machine.limits.speed.min()))
+            if pace.axis_acceleration is not None:
+                feed = min(feed, curve_feed(path, float(pace.axis_acceleration.min())))
+            run = shortened(at_constant_feed(name, path, pace._replace(feed=feed)), samples)
+        runs.append(run)
+    return runs
 
 
 def _contours(scale: Scale, sharp: bool, longest: float) -> dict[str, Contour]:
@@ -106,26 +118,6 @@ def _contours(scale: Scale, sharp: bool, longest: float) -> dict[str, Contour]:
         "lemniscate": lemniscate(half_width),
         name: rounded_polygon(half_side * SQUARE_CORNERS, np.full(4, rounding)),
     }
-
-
-def _from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:
-    farthest = feed * pace.machine.model.dt * samples
-    if float(contour.length) > farthest:  # more is not planned, and then thrown away
-        contour = beginning(contour, farthest)
-    run = from_rest_to_rest(name, contour, pace, feed)
-    if run.samples <= samples:
-        return run
-    contour = beginning(contour, float(run.arc[samples - 1]))
-    return from_rest_to_rest(name, contour, pace, feed)
-
-
-def _at_constant_feed(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:
-    limits = pace.machine.limits
-    if limits.speed is not None:
-        feed = min(feed, float(limits.speed.min()))
-    if pace.axis_acceleration is not None:
-        feed = min(feed, curve_feed(contour, float(pace.axis_acceleration.min())))
-    return shortened(at_constant_feed(name, contour, pace._replace(feed=feed)), samples)
 
 
 def scale_of(jobs: Sequence[Job], dt: float) -> Scale:
@@ -161,7 +153,10 @@ def sharpest_corner(job: Job) -> float:
 
 
 def _scale_of(job: Job, dt: float) -> Scale:
-    feed = _feed(job, dt)
+    # Speed at or above which half of the scored way is made
+    steps = np.sort(np.diff(job.arc)[job.scored[1:] & job.scored[:-1]])[::-1]
+    made = np.cumsum(steps)
+    feed = float(steps[np.searchsorted(made, 0.5 * made[-1])]) / dt
     way = job.arc[job.scored]
     chord = min(CHORD_SAMPLES * feed * dt, float(np.ptp(way)) / LEAST_CHORDS)
     arc = np.arange(way[0], way[-1], chord)
@@ -178,14 +173,6 @@ def _scale_of(job: Job, dt: float) -> Scale:
     radius = min(half_diagonal, length / turned) if turned > 0 else half_diagonal
     middle = 0.5 * (low + high)
     return Scale(float(radius), half_diagonal, feed, middle, middle)
-
-
-def _feed(job: Job, dt: float) -> float:
-    """Speed [m/s] at or above which half of the scored way is made."""
-    step = np.diff(job.arc)[job.scored[1:] & job.scored[:-1]]
-    step = np.sort(step)[::-1]
-    way = np.cumsum(step)
-    return float(step[np.searchsorted(way, 0.5 * way[-1])]) / dt
 
 
 def rounded_polygon(

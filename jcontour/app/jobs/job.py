@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float
 from jcontour.app.jobs.memory import TooLongError, check_duration
 from jcontour.app.jobs.motion_laws import UM, Aside, along_path, coarse_coordinates
 from jcontour.app.jobs.pace import Pace
-from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.reading import SUFFIXES as DRAWINGS
@@ -228,7 +227,11 @@ def _read(path: Path, pace: Pace) -> Job:
     z_alone = toolpath.z_alone / pace.override
     if pace.control is not None and toolpath.tolerance is not None:
         pace = pace._replace(control=pace.control._replace(tolerance=toolpath.tolerance))
-    speed = _speed(pace.override * toolpath.feed, rapid, pace)
+    # Rapid moves are as fast as the machine, which no program says
+    feeds, most = pace.override * toolpath.feed, pace.axis_speed
+    fastest = float(np.nanmax(np.where(rapid, np.nan, feeds)))
+    quickest = RAPID * fastest if most is None else max(fastest, float(most.max()))
+    speed = np.where(rapid, quickest, feeds)
     try:
         check_duration(
             np.asarray(contour.extent) / speed, np.nan_to_num(toolpath.rest), z_alone, machine
@@ -242,17 +245,8 @@ def _read(path: Path, pace: Pace) -> Job:
         _piece_at(contour, run.arc),
     )
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
-    other = ()
-    if run.planned is not None and pace.override == 1.0:
-        other = _other_tolerance(toolpath, contour, speed, pace)
-    warnings = (
-        *toolpath.warnings,
-        *_unused_unit(path, pace),
-        *_rapid_speed(speed, rapid, pace),
-        *pace.warnings,
-        *other,
-        *_still_axes(contour, machine),
-    )
+    said = _warnings(path, toolpath, contour, speed, pace, run.planned is not None)
+    warnings = *toolpath.warnings, *said
     program = Program(toolpath.line, toolpath.ignored, warnings, toolpath.stops, rapid, toolpath)
     return Job(
         path.stem,
@@ -268,51 +262,41 @@ def _read(path: Path, pace: Pace) -> Job:
     )
 
 
-def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:
-    """That the unit which is given for drawings is not that of this file."""
-    if pace.drawing_unit is not None and path.suffix.lower() not in DRAWINGS:
-        own = "points are read in mm" if path.suffix.lower() == ".csv" else "a program says its own"
-        yield f"--drawing-unit does not act on {path.name}: {own}"
-
-
-def _speed(feed: np.ndarray, rapid: np.ndarray, pace: Pace) -> np.ndarray:
-    """Speed that is asked for along every piece [m/s], from the feed of those that are cut."""
-    fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
-    limit = pace.axis_speed
-    quickest = RAPID * fastest if limit is None else max(fastest, float(limit.max()))
-    return np.where(rapid, quickest, feed)
-
-
-def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, pace: Pace) -> Iterator[str]:
-    """How fast rapid moves are taken to be, which no program says, and why; none without them."""
-    if not rapid.any():
-        return
-    limit, asked = pace.axis_speed, speed[rapid].max()
-    why = f"{RAPID:g} times the fastest feed: the machine states no speed"
-    if limit is not None:
-        limited = asked <= limit.max()
-        why = "the machine's limit of speed" if limited else "the fastest feed, above that limit"
-    yield f"rapid moves at {feed_words(asked)} ({why})"
-
-
-def _other_tolerance(
-    read: Toolpath, contour: Contour, speed: Float[np.ndarray, " P"], pace: Pace
+def _warnings(
+    path: Path,
+    read: Toolpath,
+    contour: Contour,
+    speed: Float[np.ndarray, " P"],
+    pace: Pace,
+    planned: bool,
 ) -> Iterator[str]:
-    """Tolerance of the program, or of its coordinates, that is not the one of the motion."""
+    """What to know of a motion along a file at these speeds [m/s], jerk-limited where planned."""
+    machine, rapid, suffix = pace.machine, read.rapid, path.suffix.lower()
+    if pace.drawing_unit is not None and suffix not in DRAWINGS:
+        own = "points are read in mm" if suffix == ".csv" else "a program says its own"
+        yield f"--drawing-unit does not act on {path.name}: {own}"
+    if rapid.any():
+        limit, asked = pace.axis_speed, speed[rapid].max()
+        why = f"{RAPID:g} times the fastest feed: the machine states no speed"
+        if limit is not None:
+            limited = asked <= limit.max()
+            why = (
+                "the machine's limit of speed" if limited else "the fastest feed, above that limit"
+            )
+        yield f"rapid moves at {feed_words(asked)} ({why})"
+    yield from pace.warnings
+    # A tolerance of the program, or of its coordinates, that is not the one of the motion
     used, allowed = f"{pace.corner_tolerance / UM:.4g} um", read.tolerance
-    if allowed is not None and not np.isclose(allowed, pace.corner_tolerance):
-        flag = f"--corner-tolerance-um {allowed / UM:.4g}"
-        yield f"the program allows {allowed / UM:.4g} um (P of G64), {used} are used: {flag}"
-    elif coarse := coarse_coordinates(contour, speed, ~read.rapid, pace):
-        yield (
-            f"coordinates are rounded to {coarse.step / UM:.4g} um, the tolerance is {used}: "
-            f"{coarse.moves} short moves cannot be smoothed; --corner-tolerance-um "
-            f"{coarse.step / UM:.4g} smooths them; more digits need not leave the part"
-        )
-
-
-def _still_axes(contour: Contour, machine: Machine) -> Iterator[str]:
-    """Which axes never move, where a single one does."""
+    if planned and pace.override == 1.0:
+        if allowed is not None and not np.isclose(allowed, pace.corner_tolerance):
+            flag = f"--corner-tolerance-um {allowed / UM:.4g}"
+            yield f"the program allows {allowed / UM:.4g} um (P of G64), {used} are used: {flag}"
+        elif coarse := coarse_coordinates(contour, speed, ~rapid, pace):
+            yield (
+                f"coordinates are rounded to {coarse.step / UM:.4g} um, the tolerance is {used}: "
+                f"{coarse.moves} short moves cannot be smoothed; --corner-tolerance-um "
+                f"{coarse.step / UM:.4g} smooths them; more digits need not leave the part"
+            )
     pieces = unpadded(contour)
     moves = (np.abs(pieces.polynomial[:, 1:]) > STILL).any(axis=(0, 1))
     moves |= (np.abs(np.concatenate([pieces.cosine, pieces.sine])) > STILL).any(axis=0)

@@ -66,7 +66,13 @@ def along_path(
     """
     words = feed_words(float(np.max(np.where(rapid, 0.0, feed))))
     if pace.planner != "jcontour":
-        return _of_control(contour, feed, rapid, pace, rest, words)
+        assert pace.control is not None
+        dt = pace.machine.model.dt
+        predicted = as_planned_by(pace.control, contour, feed, rapid, rest, dt)
+        offset = predicted.place - _on(contour, predicted.arc)[0]
+        name = "LinuxCNC" if pace.planner == "linuxcnc" else pace.planner
+        law = f"as {name} plans it, {words}"
+        return AlongPath(predicted.arc, law, Aside(offset, predicted.tangent))
     if pace.halved:
         words += ", half the stated acceleration"
     if pace.feed_law == "jerk":
@@ -104,15 +110,6 @@ def axis_limits(pace: Pace) -> AxisLimits:
     stated = pace.machine.limits.jerk if pace.jerk is None else pace.jerk
     jerk = acceleration / BUILD_UP if stated is None else stated
     return AxisLimits.of(axes, acceleration, jerk, np.inf if speed is None else speed)
-
-
-def _of_control(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
-    assert pace.control is not None
-    motion = as_planned_by(pace.control, contour, feed, rapid, rest, pace.machine.model.dt)
-    offset = motion.place - _on(contour, motion.arc)[0]
-    name = "LinuxCNC" if pace.planner == "linuxcnc" else pace.planner
-    law = f"as {name} plans it, {words}"
-    return AlongPath(motion.arc, law, Aside(offset, motion.tangent))
 
 
 def _on(contour: Contour, arc: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:
@@ -159,7 +156,13 @@ def coarse_coordinates(
     turns = (cosine > np.cos(SHARPEST)) & (cosine < np.cos(STRAIGHT))
     smooth = straight[1:] & straight[:-1] & turns
     chords = np.append(smooth, False) | np.append(False, smooth)
-    step = _step_of(pieces.polynomial[chords, 1] * pieces.extent[chords, None])
+    # Coarsest step that almost all of these moves are multiples of
+    moves, step = pieces.polynomial[chords, 1] * pieces.extent[chords, None], None
+    for one in STEPS if len(moves) else ():
+        on = (np.abs(moves / one - np.round(moves / one)) < ON_STEP).all(axis=1)
+        if on.mean() >= ALMOST_ALL:
+            step = one
+            break
     if step is None or not tolerance < (1 - ON_STEP) * step <= COARSEST:
         return None
     by_acceleration = np.sqrt(step / 2 / limits.acceleration.min())  # [s]
@@ -168,13 +171,3 @@ def coarse_coordinates(
     if pieces.extent[slowed].sum() < ENOUGH * pieces.extent[cut].sum():
         return None
     return Coarse(step, int(slowed.sum()))
-
-
-def _step_of(moves: Float[np.ndarray, "n m"]) -> float | None:
-    """Coarsest step [m] that almost all of these moves are multiples of."""
-    for step in STEPS if len(moves) else ():
-        multiple = moves / step
-        on = (np.abs(multiple - np.round(multiple)) < ON_STEP).all(axis=1)
-        if on.mean() >= ALMOST_ALL:
-            return step
-    return None

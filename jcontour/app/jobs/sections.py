@@ -46,7 +46,8 @@ def sections(job: Task) -> list[Section]:
             earlier = begun.get(sample, (0, []))[1]
             begun[sample] = piece, [*earlier, *asked]
     firsts = sorted(begun)
-    corners = _corners(job, read.rapid)
+    between = np.flatnonzero(read.rapid[1:] & read.rapid[:-1]) + 1
+    corners = [_sample_at(job, int(piece)) for piece in between]  # from one rapid move to another
     parts = []
     for first, end in zip(firsts, [*firsts[1:], last], strict=True):
         piece, asked = begun[first]
@@ -87,12 +88,6 @@ def _events(read: Toolpath, flat: bool) -> Iterator[tuple[int, tuple[int, str]]]
     if flat:
         for (piece,) in _changes(read.rapid):
             yield piece, (int(read.line[piece]), BEGINS[bool(read.rapid[piece])])
-
-
-def _corners(job: Job, rapid: np.ndarray) -> list[int]:
-    """Samples nearest to where one rapid move follows another."""
-    between = np.flatnonzero(rapid[1:] & rapid[:-1]) + 1
-    return [_sample_at(job, int(piece)) for piece in between]
 
 
 def _sample_at(job: Job, piece: int) -> int:

@@ -169,25 +169,24 @@ def representatives(task: Task, dt: float) -> list[Task]:
     ]
     features = np.stack(columns, axis=1)
     chosen = starts[_spread(features / np.maximum(np.max(np.abs(features), axis=0), 1e-300), COUNT)]
-    return [_stretch(task, int(a), k + 1) for k, a in enumerate(np.sort(chosen))]
-
-
-def _stretch(job: Job, first: int, number: int) -> Job:
-    """Samples first ... first + WINDOW - 1 of a job as a job of its own."""
-    last = first + WINDOW - 1
-    low = float(job.arc[max(first - MARGIN, 0)])
-    high = float(job.arc[min(last + MARGIN, job.samples - 1)])
-    return job._replace(
-        name=f"{job.name} {number}",
-        contour=between(job.contour, low, high),
-        arc=job.arc[first : last + 1] - low,
-        scored=job.scored[first : last + 1] & behind_entry(WINDOW),
-        at_rest=False,
-        program=None,
-        aside=job.aside and job.aside.some(slice(first, last + 1)),
-        planned=None,
-        settling=0,
-    )
+    stretches = []
+    for number, first in enumerate(np.sort(chosen).tolist(), start=1):
+        last = first + WINDOW - 1
+        low = float(arc[max(first - MARGIN, 0)])
+        high = float(arc[min(last + MARGIN, task.samples - 1)])
+        stretch = task._replace(
+            name=f"{task.name} {number}",
+            contour=between(task.contour, low, high),
+            arc=arc[first : last + 1] - low,
+            scored=task.scored[first : last + 1] & behind_entry(WINDOW),
+            at_rest=False,
+            program=None,
+            aside=task.aside and task.aside.some(slice(first, last + 1)),
+            planned=None,
+            settling=0,
+        )
+        stretches.append(stretch)
+    return stretches
 
 
 def _spread(features: Float[np.ndarray, "w f"], count: int) -> list[int]:
