@@ -94,22 +94,16 @@ def _read(tasks: BinaryIO, waiting: SimpleQueue[bytes]) -> None:
     os._exit(0)
 
 
-def _work(modules: list[str], tasks: BinaryIO, answers: BinaryIO) -> None:
-    """Do what comes, task by task."""
-    waiting: SimpleQueue[bytes] = SimpleQueue()
-    Thread(target=_read, args=(tasks, waiting), daemon=True).start()
-    for module in modules:
-        import_module(module)
-    while True:
-        function, arguments = pickle.loads(waiting.get())
-        with warnings.catch_warnings(record=True) as warned:
-            result = function(*arguments)
-        warnings_raised = [str(one.message) for one in warned if one.category is UserWarning]
-        answers.write(pickle.dumps((result, warnings_raised)))
-        answers.flush()
-
-
 if __name__ == "__main__":
-    channel = sys.stdout.buffer
+    answers, waiting = sys.stdout.buffer, SimpleQueue[bytes]()
     with redirect_stdout(sys.stderr):  # what a task prints is no answer
-        _work(sys.argv[1:], sys.stdin.buffer, channel)
+        Thread(target=_read, args=(sys.stdin.buffer, waiting), daemon=True).start()
+        for module in sys.argv[1:]:
+            import_module(module)
+        while True:
+            function, arguments = pickle.loads(waiting.get())
+            with warnings.catch_warnings(record=True) as warned:
+                result = function(*arguments)
+            messages = [str(one.message) for one in warned if one.category is UserWarning]
+            answers.write(pickle.dumps((result, messages)))
+            answers.flush()

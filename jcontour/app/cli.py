@@ -135,7 +135,10 @@ def _answered(arguments: list[str]) -> int:
             # what follows stands in its place
             print("loading ...", end="\r", file=sys.stderr, flush=True)
         _check_precision()
-        _choose_platform(flags)
+        # a GPU is for `--devices` of more than one and for `bench`: a few hundred runs take a CPU
+        # less time than compiling their programs for a GPU
+        if getattr(flags, "devices", "1") == "1" and not isinstance(flags, others.Bench):
+            os.environ.setdefault("JAX_PLATFORMS", "cpu")
         import_module("jcontour.app.catalogue.known_names").check_flags(flags)
         import_module("jcontour.app.catalogue.own_classes").trust_named(flags)
         _check_folders(flags)
@@ -192,15 +195,6 @@ def _check_precision() -> None:
         )
 
 
-def _choose_platform(flags: Any) -> None:
-    """Leave a GPU to `--devices` of more than one and to `bench`, unless JAX_PLATFORMS says more.
-
-    A few hundred runs take a CPU less time than compiling their programs for a GPU.
-    """
-    if getattr(flags, "devices", "1") == "1" and not isinstance(flags, others.Bench):
-        os.environ.setdefault("JAX_PLATFORMS", "cpu")
-
-
 def _missing_platform() -> str | None:
     """A line about JAX_PLATFORMS, where it names what this computer has not."""
     asked = os.environ.get("JAX_PLATFORMS")
@@ -232,20 +226,17 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
         return import_module("jcontour.app.commands.reproduce").chosen(arguments[1], arguments[2:])
     if arguments and arguments[0] in RENAMED:
         raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
-    flags = rules.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
-    _, module = COMMANDS[type(flags)]
-    module = next((BY_FLAG[one] for one in BY_FLAG if getattr(flags, one, None)), module)
-    return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
-
-
-def _any_command() -> Any:
     choices = tuple(
         Annotated[
             kind, tyro.conf.subcommand(name, prefix_name=False, description=rules.described(kind))
         ]
         for kind, (name, _) in COMMANDS.items()
     )
-    return Union[choices]  # noqa: UP007  (made from a tuple)
+    kinds: Any = Union[choices]  # noqa: UP007  (made from a tuple)
+    flags = rules.read(kinds, arguments, "jcontour", _DESCRIPTION)
+    _, module = COMMANDS[type(flags)]
+    module = next((BY_FLAG[one] for one in BY_FLAG if getattr(flags, one, None)), module)
+    return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
 
 
 _DESCRIPTION = (

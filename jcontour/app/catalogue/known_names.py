@@ -66,8 +66,20 @@ def check_controller(name: str) -> None:
 
 def check_flags(flags: Any) -> None:
     """Check numbers, feed law, plant, controller, contour and parts of any command."""
-    _check_numbers(flags)
-    _check_feed_law(flags)
+    for name, value in vars(flags).items():
+        if isinstance(value, float) and not math.isfinite(value):
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: needs a finite number, received {value}")
+    for flag in ("weights", "vary"):
+        for words in getattr(flags, flag, ()):
+            named_numbers(flag, words)
+    if getattr(flags, "feed_law", None) == "trapezoidal":  # what this law does not look at
+        for one in fields(flags):
+            if one.name in OF_JERK_LAW and getattr(flags, one.name) != one.default:
+                raise ValueError(
+                    f"{one.name.replace('_', '-')}: --feed-law trapezoidal has none, "
+                    f"{OF_JERK_LAW[one.name]}; leave it out, or take --feed-law jerk"
+                )
     plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)
     contour, parts = getattr(flags, "contour", None), getattr(flags, "parts", ())
     if plant is not None:
@@ -86,28 +98,6 @@ def check_flags(flags: Any) -> None:
         _check_file(name, CONTOURS)
         if name not in CONTOURS:
             _check_lines(Path(name), flags)
-
-
-def _check_numbers(flags: Any) -> None:
-    for name, value in vars(flags).items():
-        if isinstance(value, float) and not math.isfinite(value):
-            flag = name.replace("_", "-")
-            raise ValueError(f"{flag}: needs a finite number, received {value}")
-    for flag in ("weights", "vary"):
-        for words in getattr(flags, flag, ()):
-            named_numbers(flag, words)
-
-
-def _check_feed_law(flags: Any) -> None:
-    """Refuse what the feed law that is asked for does not look at."""
-    if getattr(flags, "feed_law", None) != "trapezoidal":
-        return
-    for one in fields(flags):
-        if one.name in OF_JERK_LAW and getattr(flags, one.name) != one.default:
-            raise ValueError(
-                f"{one.name.replace('_', '-')}: --feed-law trapezoidal has none, "
-                f"{OF_JERK_LAW[one.name]}; leave it out, or take --feed-law jerk"
-            )
 
 
 def _check_file(name: str, known: dict[str, Any], where_missing: str = "") -> None:

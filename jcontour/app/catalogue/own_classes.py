@@ -200,18 +200,13 @@ def _named(own: OwnName) -> Any:
     try:
         return reduce(getattr, own.name.split("."), module)
     except AttributeError:
-        names = _defined(own.path)
+        body = ast.parse(source).body  # public classes and functions, in their order
+        names = [one.name for one in body if isinstance(one, ast.ClassDef | ast.FunctionDef)]
+        names = [name for name in names if not name.startswith("_")]
         has = f"it has {', '.join(names)}" if names else "it defines no class or function"
         raise ValueError(
             f"{own.path}: there is no {own.name!r} in it; {perhaps(own.name, names)}{has}"
         ) from None
-
-
-def _defined(path: Path) -> list[str]:
-    """Public classes and functions of a Python file, in its order."""
-    body = ast.parse(content_of(path, MOST_BYTES)).body
-    names = [one.name for one in body if isinstance(one, ast.ClassDef | ast.FunctionDef)]
-    return [name for name in names if not name.startswith("_")]
 
 
 @cache

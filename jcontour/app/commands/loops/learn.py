@@ -10,7 +10,7 @@ from jcontour.app.catalogue.choices import design_for, job_named, machine_named,
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.bent_reference import SAMPLES, save_samples
 from jcontour.app.files.results.loop_results import LearnedMachine, LearnedResult, StoredLap
-from jcontour.app.files.results.stored import Weight, write_result
+from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Pace
@@ -35,7 +35,12 @@ from jcontour.app.runs.loops.learning import (
 @on_cpu()  # the laws take both modes of the laps
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
-    _check(flags)
+    for name, least in {"laps": 1, "smoothing": 0}.items():
+        value = getattr(flags, name)
+        if value is not None and value < least:
+            raise ValueError(f"{name}: needs to be at least {least}, received {value}")
+    if not flags.effort > 0:
+        raise ValueError(f"effort: needs to be above zero, received {flags.effort}")
     machine = machine_named(flags.plant)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     flags = seeing_all(flags, job)
@@ -103,15 +108,6 @@ def verdict_on(machines: Sequence[LearnedMachine], stored: StoredLap | None) -> 
     return Verdict.of(limits, against, helps, passed)
 
 
-def _check(flags: Learn) -> None:
-    for name, least in {"laps": 1, "smoothing": 0}.items():
-        value = getattr(flags, name)
-        if value is not None and value < least:
-            raise ValueError(f"{name}: needs to be at least {least}, received {value}")
-    if not flags.effort > 0:
-        raise ValueError(f"effort: needs to be above zero, received {flags.effort}")
-
-
 def show_learned(result: LearnedResult, console: Console) -> None:
     """What was known before, and when it stops paying; learning.png has the errors lap by lap."""
     say(
@@ -154,20 +150,19 @@ def loading(result: LearnedResult, file: str) -> list[str]:
         return ["nothing: no lap of the linear model is better than the first"]
     if not result.verdict.usable:
         return [f"nothing: {file} is not written, as lap {one.lap} of the linear model had it"]
-    weights = ", ".join(f"{name} {_digits(value)}" for name, value in result.weights.items())
+    weights = []
+    for name, value in result.weights.items():
+        each = value if isinstance(value, list) else [value]
+        numbers = ("none" if number is None else f"{number:.6g}" for number in each)
+        weights.append(f"{name} {' '.join(numbers)}")
     return [
         f"{file}: the reference at every sample as lap {one.lap} of the linear model had it "
         f"({digits(one.error_um)} um), shifted by up to {digits(one.largest_um)} um; it begins "
         f"{digits(one.first_um)} um beside the part, a step for the tool that stands there, and "
         f"then asks an axis for up to {feed_words(one.speed)} and {digits(one.acceleration)} m/s^2",
-        f"it is for {result.controller} with {weights}, and for no other one; on the machine "
-        "go on from it lap by lap",
+        f"it is for {result.controller} with {', '.join(weights)}, and for no other one; on the "
+        "machine go on from it lap by lap",
     ]
-
-
-def _digits(value: Weight) -> str:
-    each = value if isinstance(value, list) else [value]
-    return " ".join("none" if one is None else f"{one:.6g}" for one in each)
 
 
 def _outcome(one: LearnedMachine) -> str:

@@ -123,7 +123,11 @@ def _move(move: Move, axes: int) -> _Row:
     around = ""
     if move.angle:
         around = _around(move.centre[:axes], math.degrees(move.angle))
-    return _Row(_cells(move.line, _kind(move), move.end[:axes], move.feed), around)
+    kind = "rapid" if move.rapid else "line"
+    if move.angle:
+        rises = abs(move.end[move.normal] - move.start[move.normal]) > 0
+        kind = "helix" if rises else "arc"
+    return _Row(_cells(move.line, kind, move.end[:axes], move.feed), around)
 
 
 def _stop(stop: Stop, axes: int) -> _Row:
@@ -186,10 +190,3 @@ def _around(centre: Sequence[float], degrees: float) -> str:
 def _count(moves: int, ignored: Sequence[str]) -> str:
     left_out = f"; ignored: {', '.join(ignored)}" if ignored else ""
     return f"{moves} move{'' if moves == 1 else 's'}{left_out}"
-
-
-def _kind(move: Move) -> str:
-    if move.angle:
-        rises = abs(move.end[move.normal] - move.start[move.normal]) > 0
-        return "helix" if rises else "arc"
-    return "rapid" if move.rapid else "line"

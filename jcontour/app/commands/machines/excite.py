@@ -1,7 +1,5 @@
 """`jcontour identify --excite limits.json`: programs whose record shows the axes."""
 
-from pathlib import Path
-
 import numpy as np
 
 from jcontour._regular_files import content_of
@@ -19,7 +17,13 @@ def command(flags: Identify) -> int:
     """Write both programs; exit code."""
     path = flags.excite
     assert path is not None
-    limits = read_limits(path, _read(path))
+    try:
+        given = json_value(content_of(path, MOST_BYTES))
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    limits = read_limits(path, given)
     folder = run_folder.create(
         flags.out or run_folder.default_folder("excite"), "identify", flags, [path]
     )
@@ -60,12 +64,3 @@ def command(flags: Identify) -> int:
         "Then: jcontour identify LOG.csv",
     )
     return 0
-
-
-def _read(path: Path) -> object:
-    try:
-        return json_value(content_of(path, MOST_BYTES))
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None

@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,6 +54,9 @@ DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time const
 def command(flags: Identify) -> int:
     """Read, fit, check, store and print; exit code."""
     _check(flags)
+    from jcontour.app.reports.figures.axes import save_figures
+    from jcontour.app.reports.figures.identification import figures
+
     if flags.demo:
         flags = replace(flags, control_unit="V")
     if flags.data is None:
@@ -79,7 +81,18 @@ def command(flags: Identify) -> int:
         flags,
         [] if flags.data is None else [flags.data],
     )
-    _store(flags, log, machine, text, folder)
+    run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
+    if flags.demo:
+        time = log.dt * np.arange(len(log.command))
+        heads = ["time_s"]
+        heads += [heading(f"{a.lower()}_command", flags.control_unit) for a in flags.axes]
+        head = ",".join([*heads, *(f"{a.lower()}_position_m" for a in flags.axes)])
+        rows = np.column_stack([time, log.command, log.position])
+        run_folder.write(
+            folder / DATA,
+            lambda temporary: np.savetxt(temporary, rows, "%.10g", ",", header=head, comments=""),
+        )
+    save_figures(figures(flags.control_unit), machine, folder)
     result = _result(flags, log, source, machine)
     write_result(folder, result)
     path = folder / MODEL
@@ -190,7 +203,14 @@ def _result(
         encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
     coarse = coarse_counts(machine.record.axes, np.array([one.resolution for one in machine.axes]))
     named = "If so, name the columns as x_position_um, or give --length-unit um"
-    lengths = _questions(flags, axes, limits)
+    lengths = []  # a line for each number that no machine has; most likely a unit is wrong
+    for one, speed, moved in zip(axes, limits["speed"], limits["acceleration"], strict=True):
+        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
+            lengths.append(
+                f"{one.name}: {feed_words(speed)} and {moved / GRAVITY:.3g} g in the record, and "
+                f"{gain_words(one)} per {flags.control_unit}, are "
+                "more than any drive has; is --length-unit right?"
+            )
     lengths += [f"{line} {named}" for line in coarse]
     lengths += _tiny(flags, machine)
     masses = []
@@ -205,6 +225,12 @@ def _result(
             f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a "
             f"copy that nobody measured. Record {other} too, or put its own numbers in"
         )
+    period = []
+    if not SHORTEST <= log.dt <= LONGEST:  # no drive has such a period
+        period.append(
+            f"time: a sample every {1e3 * log.dt:g} ms is no usual period of a drive; is the unit "
+            "of its column right? Call it time_ms or time_us, or give --period-ms"
+        )
     return LinearMachineResult(
         data=source,
         words=[*log.words, encoders],
@@ -216,7 +242,7 @@ def _result(
         gain=machine.gain,
         delay=machine.late,
         notes=[
-            *_period(log.dt),
+            *period,
             *([] if any(log.angles) else lengths),
             *copied,
             *masses,
@@ -224,31 +250,6 @@ def _result(
         ],
         model=MODEL,
     )
-
-
-def _period(dt: float) -> list[str]:
-    """A question where no drive has such a period."""
-    if SHORTEST <= dt <= LONGEST:
-        return []
-    return [
-        f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
-        "its column right? Call it time_ms or time_us, or give --period-ms"
-    ]
-
-
-def _questions(
-    flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
-) -> list[str]:
-    """One line for each number that no machine has; most likely a unit is wrong."""
-    lines = []
-    for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
-        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
-            lines.append(
-                f"{one.name}: {feed_words(speed)} and {moved / GRAVITY:.3g} g in the record, and "
-                f"{gain_words(one)} per {flags.control_unit}, are "
-                "more than any drive has; is --length-unit right?"
-            )
-    return lines
 
 
 def _tiny(flags: Identify, machine: IdentifiedMachine) -> list[str]:
@@ -261,26 +262,6 @@ def _tiny(flags: Identify, machine: IdentifiedMachine) -> list[str]:
         for one, way in zip(machine.axes, moved, strict=True)
         if way < TINY and one.resolution < FINE
     ]
-
-
-def _store(flags: Identify, log: Log, machine: IdentifiedMachine, text: str, folder: Path) -> None:
-    from jcontour.app.reports.figures.axes import save_figures
-    from jcontour.app.reports.figures.identification import figures
-
-    run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
-    if flags.demo:
-        time = log.dt * np.arange(len(log.command))
-        heads = ["time_s"]
-        heads += [heading(f"{a.lower()}_command", flags.control_unit) for a in flags.axes]
-        heads += [f"{a.lower()}_position_m" for a in flags.axes]
-        rows = np.column_stack([time, log.command, log.position])
-        run_folder.write(
-            folder / DATA,
-            lambda temporary: np.savetxt(
-                temporary, rows, "%.10g", ",", header=",".join(heads), comments=""
-            ),
-        )
-    save_figures(figures(flags.control_unit), machine, folder)
 
 
 def show(result: LinearMachineResult, console: Console) -> None:

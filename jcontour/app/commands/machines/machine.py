@@ -68,7 +68,15 @@ def command(flags: Flags) -> int:
         print(run_folder.json_text(to_json(result)))
         return 0
     show(result, tables.console_of())
-    tables.say(tables.console_of(), *_next(result, path, built=flags.file is None))
+    built = flags.file is None
+    name = path if built or path.suffix else result.name
+    sound = "The file can be read, but look at the warnings." if result.warnings else SOUND
+    tables.say(
+        tables.console_of(),
+        f"Drawn: {result.figure}",
+        f"Written: {path}" if built else sound,
+        f"Next: jcontour tune --plant {shlex.quote(str(name))}",
+    )
     return 0
 
 
@@ -186,13 +194,3 @@ def _gain(axis: AxisSummary) -> str:
         case "position":
             return f"{tables.digits(1e3 * axis.gain)} mm"
     return "-"
-
-
-def _next(result: MachineResult, path: Path, built: bool) -> list[str]:
-    name = path if built or path.suffix else result.name
-    sound = "The file can be read, but look at the warnings." if result.warnings else SOUND
-    return [
-        f"Drawn: {result.figure}",
-        f"Written: {path}" if built else sound,
-        f"Next: jcontour tune --plant {shlex.quote(str(name))}",
-    ]

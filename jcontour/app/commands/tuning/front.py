@@ -73,9 +73,23 @@ def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
 
 
 def show(result: FrontResult, console: Console) -> None:
-    """Print the front, and the weights of its points."""
+    """Print the front and the weights of its points; of feeds which limits each exceeds."""
     if result.against == "feed":
-        _show_feeds(result, console)
+        title = f"{result.contour} on {result.machine.name}, {result.controller}"
+        states = {True: "", False: "BEYOND A LIMIT"}
+        feeds: dict[str, Callable[[BudgetPoint], str | float]] = {
+            "feed\n%": lambda point: f"{point.budget:g}",
+            "cycle\ntime s": lambda point: f"{point.cycle_time:.3f}",
+            "peak um\nworst": lambda point: 1e6 * point.objective,
+            "RMS um\nworst": lambda point: 1e6 * point.error(result.error),
+            "RMS\nincrement": lambda point: point.rms_increment,
+            "": lambda point: (
+                "recommended" if point.budget == result.recommended else states[point.feasible]
+            ),
+        }
+        console.print(tables.table_of(title, result.points, feeds, text_columns=0))
+        lines = [f"{one.budget:g} %: {line}" for one in result.points for line in one.messages]
+        tables.say(console, *lines)
         return
     plants = "nominal plant" if result.nominal_only else "family"
     title = f"Front against {NAMES[result.against]} (smooth machine, {plants})"
@@ -93,25 +107,6 @@ def show(result: FrontResult, console: Console) -> None:
     for name in result.weights:
         columns[name] = lambda point, name=name: tables.weight_digits(point.weights.get(name))
     console.print(tables.table_of("Weights", result.points, columns, text_columns=0))
-
-
-def _show_feeds(result: FrontResult, console: Console) -> None:
-    """Print every feed, and which limits it exceeds."""
-    title = f"{result.contour} on {result.machine.name}, {result.controller}"
-    states = {True: "", False: "BEYOND A LIMIT"}
-    columns: dict[str, Callable[[BudgetPoint], str | float]] = {
-        "feed\n%": lambda point: f"{point.budget:g}",
-        "cycle\ntime s": lambda point: f"{point.cycle_time:.3f}",
-        "peak um\nworst": lambda point: 1e6 * point.objective,
-        "RMS um\nworst": lambda point: 1e6 * point.error(result.error),
-        "RMS\nincrement": lambda point: point.rms_increment,
-        "": lambda point: (
-            "recommended" if point.budget == result.recommended else states[point.feasible]
-        ),
-    }
-    console.print(tables.table_of(title, result.points, columns, text_columns=0))
-    lines = [f"{point.budget:g} %: {line}" for point in result.points for line in point.messages]
-    tables.say(console, *lines)
 
 
 def feed_entries(result: FrontResult) -> list[Entry]:
