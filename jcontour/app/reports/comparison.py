@@ -5,6 +5,7 @@ Numbers are ranked where path, motion, machine, unit and sample are the same in 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +113,14 @@ def comparison(folders: Sequence[Path]) -> Comparison:
         why = _unlike(own, 2 * max(periods))
         if why:
             warnings.append(f"{name}: not the same {why} in every run; its numbers are not ranked")
-        numbers += _of_contour(own, verdicts, ranked, why)
+        times = [None if one.read is None else one.read.duration for one in own]
+        least = _least(times, verdicts, why != "path")
+        numbers.append(ComparedNumber("cycle time s", times, name, least=least))
+        for metric, plant in product(ranked, ("nominal", "worst")):
+            runs = [getattr(one.metrics["tuned"], plant) for one in own]
+            values = [METRICS[metric].factor * getattr(run, metric) for run in runs]
+            least = _least(values, verdicts, ranked[metric] and not why)
+            numbers.append(ComparedNumber(_heading(metric), values, name, plant, least))
     if not numbers:
         warnings.append("the runs have no contour in common: there is nothing to compare")
     margins = [one.margins for one in results if isinstance(one, TunedResult)]
@@ -148,24 +156,6 @@ def _contours(result: TunedResult | SimulatedResult) -> list[TunedContour]:
             feed_law=result.feed_law,
         )
     ]
-
-
-def _of_contour(
-    own: Sequence[TunedContour], verdicts: Sequence[Verdict], ranked: dict[str, bool], why: str
-) -> list[ComparedNumber]:
-    """Cycle time and metrics of a contour in every run; `why` it is unlike, if it is."""
-    name, times = own[0].name, [None if one.read is None else one.read.duration for one in own]
-    least = _least(times, verdicts, why != "path")
-    numbers = [ComparedNumber("cycle time s", times, name, least=least)]
-    for metric, may_rank in ranked.items():
-        for plant in ("nominal", "worst"):
-            values = [
-                METRICS[metric].factor * getattr(getattr(one.metrics["tuned"], plant), metric)
-                for one in own
-            ]
-            least = _least(values, verdicts, may_rank and not why)
-            numbers.append(ComparedNumber(_heading(metric), values, name, plant, least))
-    return numbers
 
 
 def _heading(metric: str) -> str:

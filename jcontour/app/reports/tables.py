@@ -44,8 +44,10 @@ def broken(line: str, width: int, indent: int | None = None) -> str:
     """
     if len(line) <= width:
         return line
-    begin = COMMAND.search(line)
-    whole = line if begin is None else _words_kept(line, begin.start())
+    begin, whole = COMMAND.search(line), line
+    if begin is not None:  # the quoted words of the command stay in one piece
+        at = begin.start()
+        whole = line[:at] + QUOTED.sub(lambda one: one[0].replace(" ", BLANK), line[at:])
     pieces = textwrap.wrap(
         whole,
         width if begin is None else width - 2,
@@ -57,11 +59,6 @@ def broken(line: str, width: int, indent: int | None = None) -> str:
     for piece in pieces[1:]:
         text += f" \\\n{piece}" if COMMAND.search(text) else f"\n{piece}"
     return text.replace(BLANK, " ")
-
-
-def _words_kept(line: str, begin: int) -> str:
-    """The line with the quoted words of its command in one piece."""
-    return line[:begin] + QUOTED.sub(lambda one: one[0].replace(" ", BLANK), line[begin:])
 
 
 def digits(value: float | None) -> str:

@@ -54,7 +54,13 @@ def read_of(job: Task, dt: float) -> ContourRead:
 
     The box is that of the contour as programmed: the motion may leave it in blended corners.
     """
-    way, entry = _way(job)
+    # How far a run at constant feed goes, and its entry: whole laps where so to within a sample
+    way, entry = None, 0.0
+    if isinstance(job, Job) and not job.at_rest:
+        arc, length = job.arc - job.arc[0], float(job.contour.length)
+        ways = np.array([arc[-1], arc[np.argmax(job.scored)]])
+        laps = np.rint(ways / length) * length
+        way, entry = np.where((laps > 0) & (np.abs(ways - laps) <= arc[1]), laps, ways).tolist()
     box, program = outline(job.contour), job.program
     said = {} if program is None else {name: getattr(program, name) for name in SAID}
     return ContourRead(
@@ -68,20 +74,6 @@ def read_of(job: Task, dt: float) -> ContourRead:
         way=way,
         entry=entry,
     )
-
-
-def _way(job: Task) -> tuple[float | None, float]:
-    """How far a run at constant feed goes along its path, and where its entry ends [m].
-
-    Both are whole laps where they are so to within a sample.
-    """
-    if not isinstance(job, Job) or job.at_rest:
-        return None, 0.0
-    arc, length = job.arc - job.arc[0], float(job.contour.length)
-    ways = np.array([arc[-1], arc[np.argmax(job.scored)]])
-    laps = np.rint(ways / length) * length
-    ways = np.where((laps > 0) & (np.abs(ways - laps) <= arc[1]), laps, ways)
-    return float(ways[0]), float(ways[1])
 
 
 def cycle_time(job: Task, dt: float) -> float:
@@ -169,16 +161,23 @@ def contour_runs(
     compared by their RMS errors.
     """
     by = "peak" if len(replays) == 1 else "rms"
-    steps = scenarios.jobs[index].steps
-    nominal = tuple(_drawn(label, NOMINAL, one, index, 0, steps) for label, one in replays.items())
-    rows = [nominal]
-    if len(scenarios.plants) > 1:
-        rows.append(
-            tuple(
-                _worst(label, one, scenarios, index, machine.error, by)
-                for label, one in replays.items()
+    steps, rows = scenarios.jobs[index].steps, ([], [])
+    for label, one in replays.items():
+        # The largest error; the first plant that diverges, where one does
+        values = np.asarray(getattr(one.metrics, f"{by}_{machine.error}_error"))[index]
+        lost = np.asarray(one.metrics.diverged)[index]
+        worst = int(np.argmax(np.where(lost, np.inf, values)))
+        named = (0, NOMINAL), (worst, f"{LARGEST[by]} ({scenarios.plants[worst]})")
+        for row, (plant, words) in zip(rows, named, strict=True):
+            run = DrawnRun(
+                label=label,
+                plant=words,
+                output=one.output[index, plant, :steps],
+                control=one.control[index, plant, :steps],
+                contour_error=one.contour_error[index, plant, :steps],
+                diverged=bool(lost[plant]),
             )
-        )
+            row.append(run)
     return ContourRuns(
         name=scenarios.jobs[index].name,
         time=scenarios.references.dt * np.arange(steps),
@@ -186,27 +185,5 @@ def contour_runs(
         reference=desired(scenarios)[index, :steps],
         axes=machine.axes,
         control_unit=machine.control_unit,
-        rows=tuple(rows),
-    )
-
-
-def _worst(
-    label: str, replay: Replay, scenarios: Scenarios, index: int, error: str, by: str
-) -> DrawnRun:
-    # Plant of the largest error, by one of `LARGEST`; the first that diverges, where one does
-    values = np.asarray(getattr(replay.metrics, f"{by}_{error}_error"))[index]
-    lost = np.asarray(replay.metrics.diverged)[index]
-    plant = int(np.argmax(np.where(lost, np.inf, values)))
-    words = f"{LARGEST[by]} ({scenarios.plants[plant]})"
-    return _drawn(label, words, replay, index, plant, scenarios.jobs[index].steps)
-
-
-def _drawn(label: str, words: str, replay: Replay, index: int, plant: int, steps: int) -> DrawnRun:
-    return DrawnRun(
-        label=label,
-        plant=words,
-        output=replay.output[index, plant, :steps],
-        control=replay.control[index, plant, :steps],
-        contour_error=replay.contour_error[index, plant, :steps],
-        diverged=bool(np.asarray(replay.metrics.diverged)[index, plant]),
+        rows=tuple(map(tuple, rows if len(scenarios.plants) > 1 else rows[:1])),
     )

@@ -133,22 +133,16 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     now = {name: getattr(flags, name) for name in WHERE if hasattr(flags, name)}
     for one in fields(flags):
         if one.name not in ("resume", *now) and getattr(flags, one.name) != one.default:
-            raise ValueError(
-                f"resume: the run keeps its own settings; leave out {_typed(flags, one)}"
-            )
+            given, typed = getattr(flags, one.name), f"--{one.name.replace('_', '-')}"
+            if _is_positional(one):
+                typed = words_of(given if isinstance(given, (tuple, list)) else [str(given)])
+            words = "resume: the run keeps its own settings; leave out"
+            raise ValueError(f"{words} {typed.strip()}")
     return folder, stored_flags(folder, command, type(flags), **now, resume=None)
 
 
 def _is_positional(one: Field) -> bool:
     return Positional in getattr(one.type, "__metadata__", ())
-
-
-def _typed(flags: Any, one: Field) -> str:
-    """A flag as it is typed; of a positional one its words."""
-    if not _is_positional(one):
-        return f"--{one.name.replace('_', '-')}"
-    given = getattr(flags, one.name)
-    return words_of(given if isinstance(given, (tuple, list)) else [str(given)]).strip()
 
 
 def stored_flags(folder: Path, command: str, kind: type[Kept], **now: Any) -> Kept:
@@ -196,7 +190,12 @@ def finished(
     With `--json` one JSON object; else a screen, which begins with the verdict. With `--details`
     what `show` prints, every finding of the verdict and the figures in the folder stand before it.
     """
-    page, code = _page(folder), 0 if verdict is None else verdict.exit_code
+    page, code = "", 0 if verdict is None else verdict.exit_code
+    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") in KINDS:
+        try:
+            page = f", page {write_page([folder], folder / FILE).name}"
+        except run_folder.RunError as error:  # the run itself is good
+            page = f", no page ({error})"
     if flags.json:
         print(run_folder.json_text({"run": str(folder), **versioned(result)}))
         return code
@@ -209,13 +208,3 @@ def finished(
     place = Entry("Folder", f"{folder}{page}; --details: every table")
     tables.say(console, *screen(verdict, [*answer, place]))
     return code
-
-
-def _page(folder: Path) -> str:
-    """Write the page of a run; words that say so."""
-    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") not in KINDS:
-        return ""
-    try:
-        return f", page {write_page([folder], folder / FILE).name}"
-    except run_folder.RunError as error:  # the run itself is good
-        return f", no page ({error})"

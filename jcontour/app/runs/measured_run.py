@@ -68,7 +68,15 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
         steps = np.linalg.norm(np.diff(command, axis=0), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(steps)])
     else:
-        name, path, rapid, program = _part(part, len(axes))
+        if part in CONTOURS:
+            known = job_named(part, Pace(machine_named("bridgeport"), None, None))
+            assert isinstance(known, Job)
+            name, path, rapid, program = known.name, known.contour, known.rapid, known.program
+        else:
+            toolpath = read(part, FED, "XY" if len(axes) == 2 else "XYZ")
+            words = toolpath.ignored, toolpath.warnings, toolpath.stops
+            name, path, rapid = Path(part).stem, toolpath.contour, toolpath.rapid
+            program = Program(toolpath.line, *words, rapid)
         offset = _offset(path, log.command)
         keep = _along(part, path, log.command - offset)
         command, tool, moves = (one[keep] for one in (log.command, log.position, moves))
@@ -119,19 +127,6 @@ def _check_columns(name: str, log: Log, axes: tuple[str, ...]) -> None:
                 f"{name}: the position of {axes[k]} goes {ratio:.3g} times as far as its command: "
                 "are they in the same unit? x_command_mm and x_position_um say theirs"
             )
-
-
-def _part(name: str, axes: int) -> tuple[str, Contour, np.ndarray, Program | None]:
-    """Name, path, rapid moves and program of a part."""
-    if name in CONTOURS:
-        job = job_named(name, Pace(machine_named("bridgeport"), None, None))
-        assert isinstance(job, Job)
-        return job.name, job.contour, job.rapid, job.program
-    toolpath = read(name, FED, "XY" if axes == 2 else "XYZ")
-    program = Program(
-        toolpath.line, toolpath.ignored, toolpath.warnings, toolpath.stops, toolpath.rapid
-    )
-    return Path(name).stem, toolpath.contour, toolpath.rapid, program
 
 
 def _offset(path: Contour, command: np.ndarray) -> np.ndarray:

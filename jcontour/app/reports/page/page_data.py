@@ -92,16 +92,20 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     """
     result = stored_result(folder)
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
-    command = settings["command"]
+    command, words = settings["command"], settings["command_line"]
+    at = words.index("--out") if "--out" in words else len(words)
     tuned = result if isinstance(result, TunedResult) else None
     verdict = result.verdict
     unit = result.machine.control_unit
     try:
-        tried = [] if tuned is None else _tried(folder)
+        tried, margins = [], []
+        if tuned is not None:
+            tried = _tried(folder)
+            margins = [f"{name:<23}  {value}" for name, value in margin_rows(tuned.margins)]
         return {
             "name": folder.name,
             "command": command,
-            "repeat": _repeated(settings["command_line"]),
+            "repeat": shlex.join([*words[:at], *words[at + 2 :]]),  # in a new folder
             "settings": _changed(KINDS[command].flags, settings["flags"]),
             "versions": settings["versions"],
             "machine": result.machine.name,
@@ -116,7 +120,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "verdict": verdict and {"usable": verdict.usable, "lines": verdict.lines},
             "answer": KINDS[command].answer(result),
             "alternatives": [] if tuned is None else _alternatives(tuned, tried),
-            "lines": [] if tuned is None else _lines(tuned),
+            "lines": [] if tuned is None else [*tuned.weight_lines, *margins],
             "drives": {}
             if tuned is None or tuned.drive is None
             else {product: drive_gains(tuned.drive.weights, unit, product) for product in PRODUCTS},
@@ -129,12 +133,6 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         raise run_folder.RunError(
             f"{folder}: a run of another version of jcontour ({error} is missing or different)"
         ) from None
-
-
-def _repeated(words: Sequence[str]) -> str:
-    """The command again, in a new folder."""
-    at = words.index("--out") if "--out" in words else len(words)
-    return shlex.join([*words[:at], *words[at + 2 :]])
 
 
 def _changed(kind: type[Any], flags: dict[str, Any]) -> dict[str, str]:
@@ -256,12 +254,6 @@ def calmer_points(chosen: HistoryPoint, tried: Sequence[HistoryPoint]) -> dict[i
     if calmer.get(2) is calmer.get(4):
         calmer.pop(2, None)
     return calmer
-
-
-def _lines(result: TunedResult) -> list[str]:
-    """Tuned weights and margins, as the terminal shows them."""
-    margins = [f"{name:<23}  {value}" for name, value in margin_rows(result.margins)]
-    return [*result.weight_lines, *margins]
 
 
 def _sensitivity(folder: Path) -> dict[str, Any] | None:

@@ -26,7 +26,8 @@ def machine_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
     that they hide.
     """
     counted, dt = unpadded(scenarios), machine.model.dt
-    whole = _finite(replay.output) & _finite(replay.control) & ~np.asarray(replay.metrics.diverged)
+    finite = [np.isfinite(rows).all(axis=(2, 3)) for rows in (replay.output, replay.control)]
+    whole = finite[0] & finite[1] & ~np.asarray(replay.metrics.diverged)
     output, control = (
         np.where(whole[..., None, None], rows, 0.0) for rows in (replay.output, replay.control)
     )
@@ -146,11 +147,6 @@ def largest_counted(
     """Largest magnitude of differences whose samples are all counted."""
     whole = between_counted(counted, values.shape[2])
     return np.asarray(np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2))
-
-
-def _finite(rows: np.ndarray) -> np.ndarray:
-    """Which runs (contour, plant) are finite at every sample."""
-    return np.asarray(np.isfinite(rows).all(axis=(2, 3)))
 
 
 def between_counted(

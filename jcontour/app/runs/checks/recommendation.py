@@ -294,13 +294,11 @@ def flag_allowing(limit: str, violation: float, flags: Aimed, limits: Mapping[st
         flag, bound = "--max-count-noise", flags.max_count_noise
     else:
         flag = {RATIO: "--max-error-ratio", "peak_sensitivity": "--max-sensitivity"}.get(limit)
-    return "" if flag is None else f"{flag} {_up(bound * np.exp(violation))}"
-
-
-def _up(value: float) -> str:
-    """Three digits, none less than the value."""
+    if flag is None:
+        return ""
+    value = bound * np.exp(violation)
     place = 10.0 ** (2 - np.floor(np.log10(value)))
-    return f"{np.ceil(value * place * (1 - 1e-12)) / place:.6g}"
+    return f"{flag} {np.ceil(value * place * (1 - 1e-12)) / place:.6g}"
 
 
 def active_limits(prices: Sequence[Price], bounds: Mapping[str, float]) -> list[ActiveLimit]:
@@ -321,7 +319,20 @@ def run_warnings(
     idle: Sequence[str] = (),
 ) -> Iterator[Message]:
     """Everything to know of a run before trusting its weights."""
-    yield from search_warnings(tuned)
+    if tuned.stabilised:
+        yield warning("the start was unstable: the tuner first made every loop stable")
+    if not tuned.stationary:
+        yield warning(
+            "the search ended before the gain that it sees was used up",
+            "--steps 60, or --every-start, may find better weights",
+        )
+    if tuned.diverged_points:
+        points = f"{tuned.diverged_points} of {len(tuned.history)} evaluated points"
+        yield warning(f"{points} had a diverging plant and were rejected")
+    if tuned.diverged_starts:
+        yield warning(
+            f"{tuned.diverged_starts} descents could not begin because their start diverges"
+        )
     if tuned.stabilised:
         yield from (warning(f"with the start, {line}") for line in lost_at_start(run))
     if run.design.learns:
@@ -349,24 +360,6 @@ def lost_at_start(run: TuningRun) -> list[str]:
     family = stack_plants(machine.smooth_family(design.fed))
     smooth = run.scenarios._replace(family=family)
     return lost_numbers(replay(design.complete(design.start), smooth), smooth)[:1]
-
-
-def search_warnings(tuned: Tuned) -> Iterator[Message]:
-    """Points that the tuner did not find, or had to reject."""
-    if tuned.stabilised:
-        yield warning("the start was unstable: the tuner first made every loop stable")
-    if not tuned.stationary:
-        yield warning(
-            "the search ended before the gain that it sees was used up",
-            "--steps 60, or --every-start, may find better weights",
-        )
-    if tuned.diverged_points:
-        points = f"{tuned.diverged_points} of {len(tuned.history)} evaluated points"
-        yield warning(f"{points} had a diverging plant and were rejected")
-    if tuned.diverged_starts:
-        yield warning(
-            f"{tuned.diverged_starts} descents could not begin because their start diverges"
-        )
 
 
 def margin_warnings(

@@ -145,38 +145,38 @@ def limits_exceeded_by_plan(scenarios: Scenarios, machine: Machine) -> list[str]
         limit = getattr(machine.limits, quantity)
         if limit is None:
             continue
-        asked = [
-            np.abs(measured_speeds(_with_rests(job, points[: job.samples]), dt)[row])
-            for job, points in zip(scenarios.jobs, desired(scenarios), strict=True)
-        ]
+        asked = []
+        for job, points in zip(scenarios.jobs, desired(scenarios), strict=True):
+            points = points[: job.samples]
+            if isinstance(job, Job) and job.at_rest:  # between rests of a sample
+                points = np.concatenate([points[:1], points, points[-1:]])
+            asked.append(np.abs(measured_speeds(points, dt)[row]))
         job, most = max(
             zip(scenarios.jobs, asked, strict=True),
             key=lambda one: (one[1] / limit).max(initial=0.0),
         )
-        if (most > ROUNDING * limit).any():
-            lines.append(
-                f"{quantity} that the motion itself asks for EXCEEDS the limit: "
-                f"{_axes(most, limit, machine)} {unit} ({job.name}, "
-                f"{_place(job, most, limit, machine)}): the plan does so, not the loop"
-                f"{_help(job, quantity)}"
-            )
+        if not (most > ROUNDING * limit).any():
+            continue
+        axes = ", ".join(
+            f"{name} {value:.4g} of {allowed:.4g}"
+            for name, value, allowed in zip(machine.axes, most.max(axis=0), limit, strict=True)
+            if value > ROUNDING * allowed
+        )
+        keeps = ""  # the flag that keeps the limit
+        if isinstance(job, Job) and job.planned is None:
+            if not job.at_rest:
+                keeps = "; a lower --feed-mm-per-min keeps it"
+            elif quantity == "speed":
+                keeps = "; --feed-law jerk keeps it"
+            else:
+                jumps = "in corners a trapezoidal motion jumps in speed"
+                keeps = f": {jumps}; --feed-law jerk keeps the limit"
+        place = f"{job.name}, {_place(job, most, limit, machine)}"
+        lines.append(
+            f"{quantity} that the motion itself asks for EXCEEDS the limit: {axes} {unit} "
+            f"({place}): the plan does so, not the loop{keeps}"
+        )
     return lines
-
-
-def _with_rests(job: Task, points: np.ndarray) -> np.ndarray:
-    """Samples of a motion (T, m), between rests of a sample if it begins and ends at rest."""
-    if not (isinstance(job, Job) and job.at_rest):
-        return points
-    return np.concatenate([points[:1], points, points[-1:]])
-
-
-def _axes(asked: np.ndarray, limit: np.ndarray, machine: Machine) -> str:
-    """Largest value and limit of every axis that exceeds it."""
-    return ", ".join(
-        f"{name} {value:.4g} of {allowed:.4g}"
-        for name, value, allowed in zip(machine.axes, asked.max(axis=0), limit, strict=True)
-        if value > ROUNDING * allowed
-    )
 
 
 def _place(job: Task, asked: np.ndarray, limit: np.ndarray, machine: Machine) -> str:
@@ -188,17 +188,6 @@ def _place(job: Task, asked: np.ndarray, limit: np.ndarray, machine: Machine) ->
     line = job.line_at(sample)
     where = "" if line is None else f", line {line} of the file"
     return f"{machine.axes[int(axis)]} at t {sample * machine.model.dt:.4g} s{where}"
-
-
-def _help(job: Task, quantity: str) -> str:
-    """Why it does, and the flag that keeps the limit; empty where none does."""
-    if not isinstance(job, Job) or job.planned is not None:
-        return ""
-    if not job.at_rest:
-        return "; a lower --feed-mm-per-min keeps it"
-    if quantity == "speed":
-        return "; --feed-law jerk keeps it"
-    return ": in corners a trapezoidal motion jumps in speed; --feed-law jerk keeps the limit"
 
 
 def machine_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> Iterator[Message]:

@@ -19,7 +19,6 @@ from jcontour.app.files.results.verdict import LimitCheck, exceeded
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.jobs.sections import Section, halted
-from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
 from jcontour.app.reports.progress import counted
 from jcontour.app.runs.checks.machine_limits import (
@@ -29,7 +28,7 @@ from jcontour.app.runs.checks.machine_limits import (
 )
 from jcontour.app.runs.contour_summary import run_outline
 from jcontour.app.runs.stored_loops import StoredLoop
-from jcontour.controller import Controller
+from jcontour.controller import Controller, Plan
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -107,7 +106,17 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
     limits_before = machine_limits(before, scenarios, machine)
     wanted = np.asarray(reference.position)[: reference.steps]
     part = 0.0 if machine.error == "tracking" else CONTOURING
-    stays, bounds = halted(job), _bounds(wanted, machine, at_rest)
+    stays, bounds, stated = halted(job), None, machine.limits.acceleration
+    if stated is not None:
+        # Bends with which the reference keeps the acceleration of the machine, or asks for as much
+        # as before; a run that begins or ends in motion has no bend there
+        beyond = 1 if at_rest else 0
+        rows = np.pad(wanted, ((beyond, beyond), (0, 0)), mode="edge")
+        bends = np.diff(rows, 2, axis=0)
+        _, usual = largest_asked(wanted, dt, at_rest)
+        reach = np.broadcast_to(np.maximum(stated, usual) * dt**2, bends.shape)
+        ends = ((1 - beyond, 1 - beyond), (0, 0))
+        bounds = Bounds(-np.pad(bends, ends), np.pad(reach, ends, constant_values=np.inf))
 
     def priced(price: float) -> Bent:
         with counted(console, ROUNDS, "rounds") as done:
@@ -141,24 +150,6 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
         tables.say(console, f"A limit is exceeded or a plant does not follow: {more}.")
         result = priced(smoother)
     return result
-
-
-def _bounds(wanted: np.ndarray, machine: Machine, at_rest: bool) -> Bounds | None:
-    """Bends with which the reference (T, m) keeps the acceleration that the machine has.
-
-    Where it asks for more already, as much. A run that begins or ends in motion has no bend there.
-    """
-    stated = machine.limits.acceleration
-    if stated is None:
-        return None
-    dt = machine.model.dt
-    beyond = 1 if at_rest else 0
-    rows = np.pad(wanted, ((beyond, beyond), (0, 0)), mode="edge")
-    bends = np.diff(rows, 2, axis=0)
-    _, usual = largest_asked(wanted, dt, at_rest)
-    reach = np.broadcast_to(np.maximum(stated, usual) * dt**2, bends.shape)
-    ends = ((1 - beyond, 1 - beyond), (0, 0))
-    return Bounds(-np.pad(bends, ends), np.pad(reach, ends, constant_values=np.inf))
 
 
 def _lost(runs: Replay) -> bool:
@@ -200,7 +191,10 @@ def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int
     hold = FIRST
     while hold <= 2 * MOST:
         samples = max(2, round(hold / dt))
-        output = _outputs(with_held_end(job, samples), family, controller, dt)
+        reference = with_held_end(job, samples).reference(dt, controller.preview)
+        output = np.asarray(
+            _outputs(family, controller, prepared(controller, reference), reference)
+        )
         tail = output[:, job.samples - 1 :]
         moving = np.linalg.norm(tail - tail[:, -1:], axis=-1).max(axis=0) > STILL
         if not np.isfinite(tail).all():
@@ -211,17 +205,11 @@ def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int
     return None
 
 
+@eqx.filter_jit
 def _outputs(
-    job: Task, family: Plant, controller: Controller, dt: float
-) -> Float[np.ndarray, "P T m"]:
-    reference = job.reference(dt, controller.preview)
-    plan = prepared(controller, reference)
+    family: Plant, controller: Controller, plan: Plan, reference: Reference
+) -> Float[Array, "P T m"]:
+    def on(plant: Plant) -> Float[Array, "T m"]:
+        return follow(plant, controller, plan, reference).output
 
-    @eqx.filter_jit
-    def outputs(family: Plant) -> Float[Array, "P T m"]:
-        def on(plant: Plant) -> Float[Array, "T m"]:
-            return follow(plant, controller, plan, reference).output
-
-        return family_batching(family)(on, family)
-
-    return np.asarray(outputs(family))
+    return family_batching(family)(on, family)

@@ -192,8 +192,8 @@ class Learner:
             for k, advance in enumerate((self._first, self._second)):
                 used = corrections[k]
                 corrections[k], scores, _ = advance(used, number)
-                if k == 0:
-                    self._keep(BestLap(lap + 1, float(scores.tool), used))
+                if k == 0 and (self.best is None or scores.tool < self.best.error):
+                    self.best = BestLap(lap + 1, float(scores.tool), used)
                 all_scores.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
             stacked, scores = self._together(self.family, stacked, number)
             all_scores.append(jax.tree.map(np.asarray, scores))
@@ -204,11 +204,6 @@ class Learner:
             if all(diverged_lap(_measured(rows, k)) for k in range(count)):
                 break
         return [_machine(name, rows, k) for k, name in enumerate(self.names)]
-
-    def _keep(self, lap: BestLap) -> None:
-        """Hold on to the best lap so far."""
-        if self.best is None or lap.error < self.best.error:
-            self.best = lap
 
     @cached_property
     def _first(self) -> Callable[[Any, Any], Any]:

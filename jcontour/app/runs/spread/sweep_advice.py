@@ -43,7 +43,19 @@ def limit_lines(asked: Swept, dataset: xr.Dataset, result: SweepResult) -> list[
     """What keeps a limit nowhere, and what was passed over for limits on loops."""
     lines = []
     for place in np.flatnonzero(dataset.best.values < 0).tolist():
-        lines += _none_within(asked, dataset.isel(preview=[place]))
+        one = dataset.isel(preview=[place])
+        lost = worst_errors(one, asked.machine.error)[1][0]
+        least = []  # what comes nearest to each limit
+        for name, bound in named_limits(asked.flags).items() if not lost.all() else ():
+            metric = METRICS[name]
+            value = metric.factor * float(largest_of(one, name)[0, ~lost].min())
+            unit = metric.shown(asked.machine.control_unit)
+            least.append(f"{metric.words} {value:.4g} {unit} (limit {metric.factor * bound:.4g})")
+        if not lost.all():
+            lines.append(
+                f"preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
+                f"the least of each: {', '.join(least)}"
+            )
     for row in result.best:
         where, better = f"preview {row.preview}", row.looked - 1
         if row.beyond:
@@ -56,23 +68,6 @@ def limit_lines(asked: Swept, dataset: xr.Dataset, result: SweepResult) -> list[
                 "calmer control break a limit on the loops: Ms, delay margin or noise of counts"
             )
     return lines
-
-
-def _none_within(asked: Swept, one: xr.Dataset) -> list[str]:
-    """A line for a preview with which no design is within the limits, and what comes nearest."""
-    lost = worst_errors(one, asked.machine.error)[1][0]
-    if lost.all():
-        return []
-    least = []
-    for name, bound in named_limits(asked.flags).items():
-        metric = METRICS[name]
-        value = metric.factor * float(largest_of(one, name)[0, ~lost].min())
-        unit = metric.shown(asked.machine.control_unit)
-        least.append(f"{metric.words} {value:.4g} {unit} (limit {metric.factor * bound:.4g})")
-    return [
-        f"preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
-        f"the least of each: {', '.join(least)}"
-    ]
 
 
 def _leading(best: Sequence[BestDesign]) -> BestDesign:

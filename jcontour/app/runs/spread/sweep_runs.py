@@ -188,8 +188,11 @@ def found_along(asked: Swept, folder: Path) -> xr.Dataset:
         dimensions = ("preview", "axis")[: values.ndim]
         coordinates[name] = (dimensions, values, {"units": units.get(name, "1")})
     title = f"jcontour sweep: machine with {machine.nonsmooth_effects}"
-    settings = chosen_settings(designs[0])
-    return xr.Dataset(data, coordinates, {"title": title, **settings, **run_folder.versions()})
+    # What is chosen of the controller, as its model's delay; a preview has its own place
+    chosen = {name: value for name, value in designs[0].settings().items() if name != "preview"}
+    plain = {name: value for name, value in chosen.items() if isinstance(value, int | float | str)}
+    about = {"title": title, "controller": designs[0].name, **plain, **run_folder.versions()}
+    return xr.Dataset(data, coordinates, about)
 
 
 def _sweep_preview(
@@ -200,7 +203,11 @@ def _sweep_preview(
     scenarios = asked.scenarios(design)
     family, references = scenarios.family, scenarios.references
     steps = len(asked.jobs) * len(scenarios.plants) * references.steps
-    at_once = min(count, designs_at_once(steps, batching))
+    # As many as the memory of an accelerator holds, or a few seconds of a CPU
+    devices = batching.mesh.size if isinstance(batching, Spread) else 1
+    memory = (jax.local_devices()[0].memory_stats() or {}).get("bytes_limit")
+    each = STEPS_ON_CPU if memory is None else memory // BYTES_PER_STEP
+    at_once = min(count, max(1, devices * each // steps))
 
     def make(varied):
         return design.complete(with_values(design.start, varied))
@@ -212,17 +219,6 @@ def _sweep_preview(
         swept = sweep(make, designs, family, references, batching=batching)
         metrics = vars(swept).items()
         chunks.add({name: np.asarray(row)[: count - first] for name, row in metrics})
-
-
-def designs_at_once(steps: int, batching: Batching | None) -> int:
-    """Designs in one program, each of so many steps.
-
-    As many as the memory of an accelerator holds, or a few seconds of a CPU.
-    """
-    devices = batching.mesh.size if isinstance(batching, Spread) else 1
-    memory = (jax.local_devices()[0].memory_stats() or {}).get("bytes_limit")
-    at_once = STEPS_ON_CPU if memory is None else memory // BYTES_PER_STEP
-    return max(1, devices * at_once // steps)
 
 
 def kept_weights(asked: Swept, designs: Sequence[Design]) -> dict[str, np.ndarray]:
@@ -237,10 +233,3 @@ def kept_weights(asked: Swept, designs: Sequence[Design]) -> dict[str, np.ndarra
         if shapes <= {()} or shapes <= {(len(asked.machine.axes),)}:
             kept[name] = np.array(values, float)
     return kept
-
-
-def chosen_settings(design: Design) -> dict[str, Any]:
-    """Controller and what is chosen of it, as its model's delay; a preview has its own place."""
-    chosen = {name: value for name, value in design.settings().items() if name != "preview"}
-    plain = {name: value for name, value in chosen.items() if isinstance(value, int | float | str)}
-    return {"controller": design.name, **plain}
