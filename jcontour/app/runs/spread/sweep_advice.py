@@ -45,17 +45,18 @@ def limit_lines(asked: Swept, dataset: xr.Dataset, result: SweepResult) -> list[
     for place in np.flatnonzero(dataset.best.values < 0).tolist():
         one = dataset.isel(preview=[place])
         lost = worst_errors(one, asked.machine.error)[1][0]
+        if lost.all():
+            continue
         least = []  # what comes nearest to each limit
-        for name, bound in named_limits(asked.flags).items() if not lost.all() else ():
+        for name, bound in named_limits(asked.flags).items():
             metric = METRICS[name]
             value = metric.factor * float(largest_of(one, name)[0, ~lost].min())
             unit = metric.shown(asked.machine.control_unit)
             least.append(f"{metric.words} {value:.4g} {unit} (limit {metric.factor * bound:.4g})")
-        if not lost.all():
-            lines.append(
-                f"preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
-                f"the least of each: {', '.join(least)}"
-            )
+        lines.append(
+            f"preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
+            f"the least of each: {', '.join(least)}"
+        )
     for row in result.best:
         where, better = f"preview {row.preview}", row.looked - 1
         if row.beyond:
