@@ -3,12 +3,9 @@
 from os import PathLike
 from pathlib import Path
 
-from jcontour.geometry.drawings.drawing import GAP
 from jcontour.geometry.gcode.modes import Tool
-from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpath_rules import DRAWINGS, GAP, ToolpathError
 from jcontour.geometry.toolpaths import Axes, Toolpath, read_csv, read_gcode
-
-SUFFIXES = (".dxf", ".svg")
 
 
 def read(
@@ -34,7 +31,7 @@ def read(
             feed.
     """
     suffix = Path(path).suffix.lower()
-    if suffix != ".csv" and suffix not in SUFFIXES:
+    if suffix != ".csv" and suffix not in DRAWINGS:
         return read_gcode(path, axes, feed, tools)
     if feed is None:
         raise ToolpathError(f"{suffix[1:]} files say no feed: give `feed` [m/s]")

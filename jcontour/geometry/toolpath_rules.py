@@ -18,6 +18,8 @@ FARTHEST = 100.0  # [m] of any coordinate; a machine that large is not meant
 FASTEST = 100.0  # [m/s]
 SLOWEST = 1e-6  # [m/s] of a programmed feed: a millimetre in a quarter of an hour
 MOST_MOVES = 500_000  # each is a sample at least
+DRAWINGS = (".dxf", ".svg")  # suffixes
+GAP = 10e-6  # [m] ends of a drawing this close are joined: programs that draw snap to less
 NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"  # regular expression of a decimal number
 
 

@@ -37,8 +37,6 @@ from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
-from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
-from jcontour.controllers.wrappers.adapters import BacklashCompensation
 
 SETTLING = 0.5  # [s] that integrals have to settle where a reference stands
 Flags = TypeVar("Flags", bound=Controlled)
@@ -138,6 +136,8 @@ def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
         and linear.largest_friction
         and (change is None or np.all(2 * np.asarray(linear.friction) <= change))
     ):
+        from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
+
         limit = linear.limits.control
         late = linear.known_delay + linear.middle_delay
         coulomb = np.broadcast_to(np.asarray(linear.friction, float), len(linear.axes))
@@ -159,6 +159,8 @@ def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
         return design
     if linear is None or not np.any(linear.backlash):
         raise ValueError(f"backlash: {machine.name} states none; a machine file may")
+    from jcontour.controllers.wrappers.adapters import BacklashCompensation
+
     leading = partial(BacklashCompensation, gap=jnp.asarray(linear.gaps))
     return design.replaced(compensation=(*design.compensation, leading))
 

@@ -12,7 +12,6 @@ from jcontour.app.catalogue.own_classes import FILE, check_ending, own_name, per
 from jcontour.app.files.checks import EXAMPLE, MachineError
 from jcontour.app.plain_numbers import named_numbers
 
-DRAWINGS = (".dxf", ".svg")  # read as a whole
 OF_JERK_LAW = {  # flags of the jerk-limited law, and what the other one does
     "jerk": "its acceleration changes at once",
     "corner_tolerance_um": "it passes corners without leaving the path, and its speed jumps there",
@@ -125,11 +124,10 @@ def _check_lines(path: Path, flags: Any) -> None:
     Raises:
         ToolpathError: a line that cannot be read or traced.
     """
-    if path.suffix.lower() in DRAWINGS:
-        return
     from jcontour.geometry.gcode.modes import read_tool_table
     from jcontour.geometry.gcode.programs import files_beside, interpreted
     from jcontour.geometry.toolpath_rules import (
+        DRAWINGS,
         ToolpathError,
         csv_points,
         lines_of,
@@ -137,6 +135,8 @@ def _check_lines(path: Path, flags: Any) -> None:
         read_text,
     )
 
+    if path.suffix.lower() in DRAWINGS:  # read as a whole
+        return
     feed = None if getattr(flags, "feed_mm_per_min", None) is None else 1.0
     table = getattr(flags, "tool_table", None)
     tools = None if table is None else read_tool_table(table)

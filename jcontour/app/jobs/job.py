@@ -5,7 +5,7 @@ A run says how fast the tool goes along the contour, and which samples are score
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,15 +13,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jcontour.app.jobs.memory import TooLongError, check_duration
-from jcontour.app.jobs.motion_laws import UM, Aside, along_path, coarse_coordinates
 from jcontour.app.jobs.pace import Pace
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
-from jcontour.geometry.reading import SUFFIXES as DRAWINGS
-from jcontour.geometry.reading import read
-from jcontour.geometry.toolpaths import Toolpath, ToolpathError
-from jcontour.motion import Planned, Reference, SharpTurnError, along, constant_feed, in_time
+from jcontour.geometry.toolpath_rules import DRAWINGS, ToolpathError
+from jcontour.motion import Reference, SharpTurnError, along, constant_feed, in_time
 from jcontour.motion.references import TimeLaw
+
+if TYPE_CHECKING:  # a contour at constant feed needs neither programs nor their motions
+    from jcontour.app.jobs.motion_laws import Aside
+    from jcontour.geometry.toolpaths import Toolpath
+    from jcontour.motion import Planned
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
@@ -41,7 +43,7 @@ class Program(NamedTuple):
     warnings: tuple[str, ...]  # what of it may be meant otherwise, or spoils the motion
     stops: str  # where and why it stops, in words
     rapid: np.ndarray  # (P,) which pieces are rapid moves
-    read: Toolpath | None = None  # all that was read of it; None of one that is made up
+    read: "Toolpath | None" = None  # all that was read of it; None of one that is made up
 
 
 class Job(NamedTuple):
@@ -56,8 +58,8 @@ class Job(NamedTuple):
     feed_law: str  # in words
     program: Program | None = None  # file behind it; None where there is none
     # where it leaves the contour, in blended corners; None where it does not
-    aside: Aside | None = None
-    planned: Planned | None = None  # jerk-limited motion behind it; None where there is none
+    aside: "Aside | None" = None
+    planned: "Planned | None" = None  # jerk-limited motion behind it; None where there is none
     settling: int = 0  # samples of the last point that are held after the motion
 
     @property
@@ -179,6 +181,8 @@ def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
 
 def from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float) -> Job:
     """Run by the pace's feed law at one feed [m/s]; every sample is scored."""
+    from jcontour.app.jobs.motion_laws import along_path
+
     pieces = contour.rate.shape
     on = np.full(pieces, np.nan)
     run = along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace, on)
@@ -215,6 +219,9 @@ def from_file(path: Path, pace: Pace) -> Job:
 
 
 def _read(path: Path, pace: Pace) -> Job:
+    from jcontour.app.jobs.motion_laws import along_path
+    from jcontour.geometry.reading import read
+
     machine = pace.machine
     if machine.model.axes == 1:
         raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
@@ -264,13 +271,15 @@ def _read(path: Path, pace: Pace) -> Job:
 
 def _warnings(
     path: Path,
-    read: Toolpath,
+    read: "Toolpath",
     contour: Contour,
     speed: Float[np.ndarray, " P"],
     pace: Pace,
     planned: bool,
 ) -> Iterator[str]:
     """What to know of a motion along a file at these speeds [m/s], jerk-limited where planned."""
+    from jcontour.app.jobs.motion_laws import UM, coarse_coordinates
+
     machine, rapid, suffix = pace.machine, read.rapid, path.suffix.lower()
     if pace.drawing_unit is not None and suffix not in DRAWINGS:
         own = "points are read in mm" if suffix == ".csv" else "a program says its own"

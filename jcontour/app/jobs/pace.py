@@ -1,17 +1,18 @@
 """Pace of a machine along a path: feed, limits, and the law by which it runs."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from jcontour.app.flags.shared import FeedLaw, MachineFlags, Planner
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import MM_PER_MIN
-from jcontour.geometry.drawings.drawing import GAP
-from jcontour.geometry.gcode.modes import Tool, read_tool_table
-from jcontour.geometry.toolpath_rules import INCH, MM
-from jcontour.motion.other_controls import ControlLimits
+from jcontour.geometry.toolpath_rules import GAP, INCH, MM
+
+if TYPE_CHECKING:  # a contour at constant feed needs neither
+    from jcontour.geometry.gcode.modes import Tool
+    from jcontour.motion.other_controls import ControlLimits
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 DRAWING_UNITS = {
@@ -44,10 +45,10 @@ class Pace(NamedTuple):
     drawing_unit: float | None = None  # of a drawing [m]; None where its file has to say
     join: float = GAP  # ends of a drawing's lines within it are joined [m]
     # limits of a control, which the motion asks for in full; None for the machine's
-    control: ControlLimits | None = None
+    control: "ControlLimits | None" = None
     planner: Planner = "jcontour"  # control whose motion is predicted
     warnings: tuple[str, ...] = ()  # questions about the units of these limits
-    tools: dict[int, Tool] | None = None  # of the tool table, by number; None without one
+    tools: "dict[int, Tool] | None" = None  # of the tool table, by number; None without one
     override: float = 1.0  # share of every feed that is run, programmed or not; rapid moves stay
 
     @property
@@ -115,6 +116,11 @@ class Pace(NamedTuple):
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: needs to be finite and not negative, received {value}")
         control, warnings = _control(flags, machine)
+        tools = None
+        if flags.tool_table is not None:
+            from jcontour.geometry.gcode.modes import read_tool_table
+
+            tools = read_tool_table(flags.tool_table)
         pace = cls(
             machine,
             feed,
@@ -127,7 +133,7 @@ class Pace(NamedTuple):
             control=control,
             planner=flags.planner,
             warnings=warnings,
-            tools=None if flags.tool_table is None else read_tool_table(flags.tool_table),
+            tools=tools,
         )
         if flags.jerk is not None and flags.jerk > pace.largest_jerk:
             raise ValueError(
@@ -137,7 +143,9 @@ class Pace(NamedTuple):
         return pace
 
 
-def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | None, tuple[str, ...]]:
+def _control(
+    flags: MachineFlags, machine: Machine
+) -> "tuple[ControlLimits | None, tuple[str, ...]]":
     """Limits of the control that the flags name, and questions about them; None for none."""
     if flags.junction_deviation_um is not None and flags.planner != "grbl":
         raise ValueError("junction-deviation-um: --planner grbl alone has one")
@@ -149,6 +157,8 @@ def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | Non
     elif flags.planner == "jcontour":
         return None, ()
     else:
+        from jcontour.motion.other_controls import ControlLimits
+
         speed, acceleration = machine.limits.speed, machine.limits.acceleration
         if speed is None or acceleration is None:
             raise ValueError(

@@ -5,9 +5,7 @@ import numpy as np
 from jcontour.app.machines.linear import USUAL, LinearMachine
 from jcontour.app.machines.machine import Hosted, MachineLimits
 from jcontour.app.machines.uncertainty import Uncertainty
-from jcontour.plants.emps import LARGEST_VOLTAGE, RESOLUTION, emps_table
 from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
-from jcontour.plants.xy_table import FrictionXYTable, xy_table
 
 SAMPLE = 1e-3  # [s] at which the X-Y table is looked at
 PERIOD = 4e-3  # [s] of Lam's controllers
@@ -40,6 +38,8 @@ def bridgeport_machine() -> LinearMachine:
 
 def xy_table_machine() -> LinearMachine:
     """Lam's table modelled without friction; a controller on the host meets it with friction."""
+    from jcontour.plants.xy_table import xy_table
+
     current = 0.5  # [A] section 5
     return LinearMachine(
         "xy-table",
@@ -59,11 +59,15 @@ def xy_table_machine() -> LinearMachine:
 
 def hosted() -> Hosted:
     """The X-Y table with friction at 1 ms, and its model at the controller's period."""
+    from jcontour.plants.xy_table import FrictionXYTable, xy_table
+
     return Hosted(FrictionXYTable(SAMPLE), xy_table(PERIOD), round(PERIOD / SAMPLE))
 
 
 def emps_machine() -> LinearMachine:
     """The EMPS drive, twice at right angles, without its dry friction, which is to be rejected."""
+    from jcontour.plants.emps import LARGEST_VOLTAGE, RESOLUTION, emps_table
+
     return LinearMachine(
         "emps",
         emps_table(),

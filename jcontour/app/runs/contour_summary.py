@@ -1,7 +1,7 @@
 """Summaries of a contour, its motion and its runs, for tables and figures."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.figures.contours import NOMINAL, ContourRuns, DrawnRun
 from jcontour.geometry.contour import outline, unpadded
-from jcontour.motion.cornering import Planned, limit_shares
+
+if TYPE_CHECKING:
+    from jcontour.motion.cornering import Planned
 
 
 class Simulated(NamedTuple):
@@ -128,8 +130,10 @@ def peak_place(scenarios: Scenarios, replay: Replay, index: int, error: str) -> 
     )
 
 
-def motion_summary(planned: Planned) -> MotionSummary:
+def motion_summary(planned: "Planned") -> MotionSummary:
     """Cycle time, shares of it under every limit, and peaks."""
+    from jcontour.motion.cornering import limit_shares
+
     motion = planned.motion
     begin = motion.nodes[:-1]
     middle = begin + 0.5 * np.diff(motion.nodes)

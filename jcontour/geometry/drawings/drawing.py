@@ -25,7 +25,7 @@ from jcontour.geometry.drawings.segments import (
     similarity,
     vanishes,
 )
-from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
+from jcontour.geometry.toolpath_rules import FARTHEST, GAP, MOST_MOVES, SHORTEST, ToolpathError
 from jcontour.geometry.toolpaths import Toolpath
 
 Stroke = list[Drawn]  # segments that meet
@@ -37,7 +37,6 @@ MOST_CURLED = 10.0
 ROUNDING = 1e-12  # [m] gaps of it are left
 MOST_ENDS = 1000  # in a cell of the grid: more are no drawing, and take seconds
 UM = 1e-6  # [m]
-GAP = 10e-6  # [m] ends this close are joined: programs that draw snap to less
 
 
 def joined(strokes: Iterable[Stroke], gap: float) -> list[Stroke]:

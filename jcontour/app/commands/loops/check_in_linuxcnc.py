@@ -24,6 +24,7 @@ from jcontour.app.runs.checks.exported_code import (
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.export.linuxcnc import DRIVE
+from jcontour.geometry.toolpath_rules import DRAWINGS
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import simulate
 
@@ -38,7 +39,7 @@ def command(flags: Check) -> int:
     loop = stored_loop(flags.run)
     programs = [(job, Path(part)) for job, part in zip(loop.jobs, loop.parts, strict=False)]
     for _, part in programs:
-        if part.suffix.lower() in ("", ".csv", ".dxf", ".svg"):
+        if part.suffix.lower() in ("", ".csv", *DRAWINGS):
             raise ValueError(f"in-linuxcnc: {part} is no program of G-code, LinuxCNC runs no other")
     rows, figures = [], {}
     for job, part in programs:

@@ -26,11 +26,10 @@ from jcontour.geometry.gcode.moves import (
     stops_in_cuts,
 )
 from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.toolpath_rules import MM, ToolpathError, lines_of, read_program
+from jcontour.geometry.toolpath_rules import DRAWINGS, MM, ToolpathError, lines_of, read_program
 
 USUAL = ("bridgeport", "xy-table", "emps")  # X and Y
 UM = 1e-6  # [m]
-DRAWINGS = (".dxf", ".svg")
 AXES = "XYZ"
 NAMES = "line", "move"
 

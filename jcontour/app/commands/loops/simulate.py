@@ -21,7 +21,6 @@ from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.contours import figures_of
-from jcontour.app.reports.figures.motion import motion_figure
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.run_tables import show_simulated, simulated_answer
 from jcontour.app.reports.screen import Entry, next_step
@@ -79,6 +78,8 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
         check_memory(job.name, job.samples, len(machine.family_names))
         status.update(f"running {job.samples:,} samples")
         if isinstance(job, Job) and job.planned:
+            from jcontour.app.reports.figures.motion import motion_figure
+
             figures["motion"] = motion_figure(job.planned, machine.axes, job.rapid)
         scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
         made = simulated(design, scenarios, replay(design.complete(design.start), scenarios))

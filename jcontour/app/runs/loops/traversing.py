@@ -29,7 +29,7 @@ from jcontour.app.plain_numbers import feed_words, named_numbers
 from jcontour.app.runs.checks.machine_limits import machine_limits, peak_controls
 from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.toolpath_rules import DRAWINGS
 from jcontour.geometry.toolpaths import Toolpath
 from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.motion.references import along
