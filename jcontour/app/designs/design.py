@@ -28,7 +28,7 @@ from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.plain_numbers import named_numbers
 from jcontour.controller import Controller
 from jcontour.linear.plant import LinearPlant
-from tuning.parameters import Fixed, Interval, Parameter, Weight, Weights
+from tuning.parameters import Fixed, Interval, Parameter, Positive, Weight, Weights
 
 if TYPE_CHECKING:  # the solvers take a second to import
     from jcontour.host.controller import HostController
@@ -233,6 +233,16 @@ class Design(abc.ABC, Generic[M]):
                 f"known, received {asked}"
             )
         return usual if asked is None else asked
+
+
+class Drift(Positive):
+    """Drift that an observer takes, at most a thousand times more or less than at the start.
+
+    That is a factor of ten in the bandwidth of what finds the load. Where a family has no load to
+    find, tuning would buy margin by looking for none, until the load is no longer observed.
+    """
+
+    reach: ClassVar[float] = float(np.log(1e3))
 
 
 class LinearDesign(Design[LinearMachine]):

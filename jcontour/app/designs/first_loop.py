@@ -19,7 +19,7 @@ an axis and across all of them, for the whole family.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -38,7 +38,6 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants, stack_references
-from tuning.parameters import Positive
 
 # [rad per sample] from fast to slow: the first settles within a few samples, and corners do not
 # kick
@@ -89,18 +88,14 @@ def fastest(
     return int(kept[0] if kept.size else np.argmin(peaks))
 
 
-class Drift(Positive):
-    """Drift that an observer takes, at most a thousand times more or less than at the start.
-
-    That is a factor of ten in the bandwidth of what finds the load. Where a family has no load to
-    find, tuning would buy margin by looking for none, until the load is no longer observed.
-    """
-
-    reach: ClassVar[float] = float(np.log(1e3))
-
-
 def _weights(machine: LinearMachine, bandwidth: float, start: Gains) -> Gains:
-    regulator = bandwidth if "control_noise" not in start else _regulator(machine)
+    regulator = bandwidth
+    if "control_noise" in start:
+        # The fastest whose controls bear some counts within their limit
+        error, most, kept = COUNTS * machine.noisy_count, machine.largest_control, REGULATORS
+        if machine.limits.control is not None:
+            kept = [one for one in REGULATORS if _reached(machine, error, one) <= most]
+        regulator = float(kept[0] if len(kept) else REGULATORS[-1])
     rho = float(start["rho"])
     crossing = rho / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
     alpha = max(crossing, rho / _gain(machine, STANDING) ** 2 / BEHIND)
@@ -111,15 +106,6 @@ def _weights(machine: LinearMachine, bandwidth: float, start: Gains) -> Gains:
     if "drift" not in start:
         return weights | {"control_noise": noise}
     return weights | {"control_noise": STATES * noise, "drift": bandwidth * noise}
-
-
-def _regulator(machine: LinearMachine) -> float:
-    """Fastest regulator [rad per sample] whose controls bear some counts within their limit."""
-    if machine.limits.control is None:
-        return float(REGULATORS[0])
-    error = COUNTS * machine.noisy_count
-    kept = [r for r in REGULATORS if _reached(machine, error, r) <= machine.largest_control]
-    return float(kept[0] if kept else REGULATORS[-1])
 
 
 def _reached(machine: LinearMachine, errors: float | np.ndarray, bandwidth: float) -> float:

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.designs.design import Design, Gains, Needs, picked
-from jcontour.app.designs.first_loop import STATES, Drift
+from jcontour.app.designs.design import Design, Drift, Gains, Needs, picked
+from jcontour.app.designs.first_loop import STATES
 from jcontour.app.machines.gantry import MOTORS as SHARES
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller

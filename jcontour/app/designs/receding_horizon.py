@@ -17,8 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.design import Gains, LinearDesign, changed, given, picked
-from jcontour.app.designs.first_loop import Drift, first_loop
+from jcontour.app.designs.design import Drift, Gains, LinearDesign, changed, given, picked
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_gains
 from jcontour.app.flags.shared import Controlled
@@ -217,6 +216,8 @@ class LQDesign(LinearDesign):
 
     def _first_loop(self) -> Gains:
         """Weights of the first loop without limits, but for those that the user has set."""
+        from jcontour.app.designs.first_loop import first_loop  # the analysis of loops
+
         weights = first_loop(self.machine, self.loop, self.start, self.horizon, self.fed)
         return changed(weights, given(self.flags))
 

@@ -27,7 +27,6 @@ from jcontour.app.reports.tables import (
     say,
     scored_words,
 )
-from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
 LOOSE = 20  # columns that breaking between words may leave empty
@@ -208,6 +207,8 @@ def trial_lines(result: TunedResult) -> Iterator[str]:
 
 def limit_lines(result: TunedResult) -> list[str]:
     """Limits that stop further improvement, and what one more step of each would buy."""
+    from tuning.objectives import LATE  # it loads the analysis of loops
+
     lines = []
     for one in result.active:
         words = limit_words(one.name, one.bound)
@@ -222,6 +223,8 @@ def limit_lines(result: TunedResult) -> list[str]:
 
 def limit_words(name: str, bound: float) -> str:
     """A limit of the tuner in words; `..._use` stands for a limit that the machine states."""
+    from tuning.objectives import COUNT_NOISE, LATE, RATIO
+
     if name == LATE:
         return "delay margin of every plant"
     if name == RATIO:

@@ -8,7 +8,8 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
 from jcontour.app.designs import first_loop as module
-from jcontour.app.designs.first_loop import BANDWIDTHS, SENSITIVITY, Drift
+from jcontour.app.designs.design import Drift
+from jcontour.app.designs.first_loop import BANDWIDTHS, SENSITIVITY
 from jcontour.app.files.run_folder import json_text
 from jcontour.app.flags import machines as flags
 from jcontour.app.flags.loops import Simulate
