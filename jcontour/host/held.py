@@ -3,6 +3,7 @@
 One acts at every n-th sample and holds in between; what another finds acts one sample later.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -122,20 +123,27 @@ class FrictionMemory(NamedTuple):
 
 
 class FrictionCompensated(HostController):
-    """A controller, and the control against dry friction beside it, in every kind of step.
+    """A controller, and what compensates friction and backlash beside it, in every kind of step.
 
     Args:
         controller: on the host.
         feedforward: what is added, and the limit of the sum.
+        leading: the reference that both are planned for; the given one when not given.
     """
 
-    def __init__(self, controller: HostController, feedforward: FrictionFeedforward):
-        self.controller, self.feedforward = controller, feedforward
+    def __init__(
+        self,
+        controller: HostController,
+        feedforward: FrictionFeedforward,
+        leading: Callable[[Reference], Reference] | None = None,
+    ):
+        self.controller, self.feedforward, self.leading = controller, feedforward, leading
         self.preview = max(controller.preview, feedforward.preview)
         self._limit = np.asarray(feedforward.limit)
 
     def prepare(self, reference: Reference) -> tuple[Any, Float[np.ndarray, "T p"]]:
         """Plan of the wrapped controller, and the control against friction."""
+        reference = reference if self.leading is None else self.leading(reference)
         friction = np.asarray(self.feedforward.against(reference))
         return self.controller.prepare(reference), friction
 

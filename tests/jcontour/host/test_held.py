@@ -2,11 +2,13 @@
 
 from functools import cache
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
+from jcontour.controllers.wrappers.adapters import BacklashCompensation
 from jcontour.geometry import contours
 from jcontour.host.controller import HostController, StepReport
 from jcontour.host.held import FrictionCompensated, Held, OneSampleLate, thinned
@@ -77,6 +79,30 @@ def test_friction_is_compensated_in_every_kind_of_step(soft, third):
         np.testing.assert_allclose(np.asarray(run.rollout.control)[:4, 0], wanted)
         assert run.report.fallbacks == 1
     assert repeated == ([] if soft else [[2.0, 2.0]] * 2)
+
+
+class Following(Counting):
+    """Its control is the reference."""
+
+    def prepare(self, reference):
+        return np.asarray(reference.position[: reference.steps])
+
+    def step(self, memory, plan, measurement):
+        return memory + 1, plan, StepReport()
+
+
+def test_a_lead_of_half_the_backlash_is_planned_for():
+    """The run begins where the reference does: half a gap ahead is the plan's alone."""
+    diagonal = contours.line([0.0, 0.0], [1.0, 1.0])
+    path = along(diagonal, 1e-3 * np.arange(6), 1e-3, 1, at_rest=True)
+    cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(2), dt=1e-3)
+    ahead = BacklashCompensation(cascade, jnp.array([0.4, 0.0])).leading
+    controller = FrictionCompensated(Following(False), FrictionFeedforward(cascade, 0.5), ahead)
+    run = reported_loop(xy_table(1e-3), controller, path)
+    position = np.asarray(path.position)[: path.steps]
+    control = np.asarray(run.rollout.control)[:-1]
+    np.testing.assert_allclose(control, position[:-1] + [0.5 + 0.2, 0.5], atol=1e-12)
+    np.testing.assert_array_equal(run.rollout.output[0], position[0])
 
 
 class Pulling(Counting):

@@ -150,11 +150,13 @@ def check_limits(flags: Check) -> int:
             f"check: {run.design.name} has no form that keeps to limits at every sample; "
             "contouring-lq has one"
         )
-    controller = run.controller(weights)
+    controller, leading = run.controller(weights), None
     if isinstance(controller, BacklashCompensation):
-        controller = controller.controller
+        controller, leading = controller.controller, controller.leading
+    if leading is not None and not isinstance(controller, FrictionFeedforward):
+        controller = FrictionFeedforward(controller, 0.0)
     if isinstance(controller, FrictionFeedforward):
-        constrained = FrictionCompensated(constrained, controller)
+        constrained = FrictionCompensated(constrained, controller, leading)
     references = {
         job.name: job.reference(machine.model.dt, run.design.preview) for job in scenarios.jobs
     }
