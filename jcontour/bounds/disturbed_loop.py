@@ -51,6 +51,16 @@ class DisturbedLoop(NamedTuple):
     output: Float[Array, "T m"]
     control: Float[Array, "T p"]
 
+    def radius(self) -> Float[np.ndarray, " T"]:
+        """Spectral radius of the loop of every sample, what is held left out.
+
+        A held integral, z_i(k+1) = z_i(k), is a constant that acts on the others: they stay
+        bounded under it for ever where they alone are stable.
+        """
+        M = np.asarray(self.M)
+        held = np.all(M == np.eye(M.shape[1]), axis=2) & np.all(np.asarray(self.E) == 0, axis=2)
+        return spectral_radius(np.where(held[:, :, None] | held[:, None], 0.0, M))
+
 
 class Box(NamedTuple):
     """Bounds of what acts on a loop at every sample, |w_i(k)| <= size_i.
@@ -120,10 +130,9 @@ def disturbed_loop(plant: Plant, controller: Controller, reference: Reference) -
     plan = prepared(controller, reference)
     loop = eqx.filter_jit(_loop_along)(plant, controller, plan, reference)
     # the loop of every sample, held for ever, has to be stable
-    M = np.asarray(loop.M)
-    if not np.isfinite(M).all():
+    if not np.isfinite(np.asarray(loop.M)).all():
         raise UnstableLoop("the loop has no bound: its matrices are not finite")
-    radius = spectral_radius(M)
+    radius = loop.radius()
     worst = int(np.argmax(radius))
     if radius[worst] >= 1:
         raise UnstableLoop(

@@ -26,7 +26,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.bounds.disturbed_loop import Box, DisturbedLoop
-from jcontour.linear.plant import spectral_radius
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Disturbed
 
@@ -77,8 +76,9 @@ def peak_bounds(
             raise ValueError(f"block: needs at least one sample, received {block}")
         return _blocked(loop, rows, size, direct, min(block, T))
     # samples after which the slowest of some frozen loops has forgotten: a power of two
-    some = np.asarray(loop.M)[:: max(1, loop.M.shape[0] // LOOKED_AT)]
-    radius = float(np.clip(spectral_radius(some).max(), 1e-3, 1 - 1e-9))
+    some = slice(None, None, max(1, T // LOOKED_AT))
+    frozen = loop._replace(M=loop.M[some], E=loop.E[some])
+    radius = float(np.clip(frozen.radius().max(), 1e-3, 1 - 1e-9))
     forgotten = max(np.log(REMAINDER) / np.log(radius), SHORTEST_BLOCK)
     samples = 2 ** int(np.ceil(np.log2(forgotten)))
     while True:

@@ -7,6 +7,7 @@ import pytest
 from jcontour._arrays import placed
 from jcontour.bounds.affine import NotAffine
 from jcontour.bounds.disturbed_loop import Box, UnstableLoop, check_planless, disturbed_loop
+from jcontour.bounds.peak_bounds import peak_bounds
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
@@ -21,6 +22,7 @@ from jcontour.simulation.closed_loop import simulate
 
 slow = pytest.mark.slow
 STEPS = 60
+MOVING = 40  # samples before an integral is held
 CORNER = polygon([[0.0, 0.0], [1e-3, 0.0], [1e-3, 1e-3]])
 
 
@@ -96,6 +98,33 @@ def test_counting_encoders_are_told(two_axes):
 def test_an_unstable_loop_is_told_with_its_radius_and_place(two_axes):
     with pytest.raises(UnstableLoop, match=r"no finite bound: spectral radius 1\.\d+ at sample \d"):
         disturbed_loop(Encoders(two_axes), OnPosition(gain=-50.0), run_on(two_axes))
+
+
+class Holding(OnPosition):
+    """The law with an integral of the error instead, held after `MOVING` samples."""
+
+    def prepare(self, reference):
+        moving = jnp.arange(reference.steps) < MOVING
+        return reference.position[: reference.steps], moving
+
+    def step(self, memory, plan, measurement):
+        error = measurement - plan[0]
+        memory = jnp.where(plan[1], memory + error, memory)
+        return memory, -self.gain * (error + 0.1 * memory)
+
+
+def test_a_held_integral_is_a_bounded_constant(two_axes):
+    """Of the largest error at the end, by the sum of the answers to all pulses."""
+    reference = run_on(two_axes)
+    loop = disturbed_loop(Encoders(two_axes), Holding(), reference)
+    M, E, C = (np.asarray(matrix) for matrix in (loop.M, loop.E, loop.C))
+    assert np.abs(np.linalg.eigvals(M[-1])).max() == pytest.approx(1.0, abs=1e-9)
+    assert loop.radius().max() < 1
+    size, wanted, row = np.array([0.5, 0.5, 1e-5, 1e-5]), np.zeros(2), C[-1]
+    for k in range(STEPS - 2, -1, -1):
+        wanted, row = wanted + np.abs(row @ E[k]) @ size, row @ M[k]
+    bound = peak_bounds(loop, C, size).bound[-1]
+    np.testing.assert_allclose(bound, wanted, rtol=1e-9)
 
 
 @slow
