@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._arrays import floating, is_concrete
+from jcontour.linear.small_matrices import small_solve
 from jcontour.plant import Plant
 
 ROUNDED = 3e-5  # drift of a standstill, over its state; 1.2e-5 as McNab and Tsao print their table
@@ -279,7 +280,7 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
         _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
         size_of_states = jnp.ldexp(jnp.ones_like(sizes), exponents)
         matrix = matrix.at[:, :-1].divide(size_of_states)
-        maps = jnp.linalg.solve(matrix, ramp)[:-1] / size_of_states[:, None]
+        maps = small_solve(matrix, ramp)[:-1] / size_of_states[:, None]
         Sy = Sy.at[rows, output].set(maps[:, 0])
         Sv = Sv.at[rows, output].set(maps[:, 1])
         conditions.append(jnp.linalg.cond(matrix))
@@ -322,7 +323,7 @@ def operating_point(model: LinearPlant, position: Float[Array, " m"]) -> Operati
 def _holding(A, B, rest):
     size = jnp.linalg.norm(B, axis=0)
     B, drift = B / size[None], rest - A @ rest
-    held = jnp.linalg.solve(B.T @ B, B.T @ drift) / size
+    held = small_solve(B.T @ B, B.T @ drift) / size
     stands = jnp.max(jnp.abs(drift)) <= ROUNDED * jnp.max(jnp.abs(rest))
     return jnp.where(stands, 0.0, held)
 

@@ -3,12 +3,12 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._arrays import floating, is_concrete
 from jcontour.linear.plant import LinearPlant, SteadyMotion
+from jcontour.linear.small_matrices import exponential
 
 
 def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, "n p"]]:
@@ -37,7 +37,7 @@ def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[
 def _held(A, B, dt):
     n, p = B.shape
     block = jnp.zeros((n + p, n + p), A.dtype).at[:n, :n].set(A).at[:n, n:].set(B)
-    discrete = jsl.expm(block * dt)
+    discrete = exponential(block * dt)
     return discrete[:n, :n], discrete[:n, n:]
 
 

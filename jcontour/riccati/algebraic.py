@@ -6,6 +6,7 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import is_concrete
 from jcontour.linear.plant import spectral_radius
+from jcontour.linear.small_matrices import small_inverse
 
 # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
 DOUBLINGS = 20
@@ -26,7 +27,7 @@ def dare(
 
     def double(carry, _):
         A_k, G, H = carry
-        W = jnp.linalg.inv(identity + G @ H)
+        W = small_inverse(identity + G @ H)
         AW = A_k @ W
         G_next = G + AW @ G @ A_k.T
         H_next = H + A_k.T @ H @ W @ A_k
@@ -65,23 +66,3 @@ def check_dare(A, B, Q, R) -> None:
 @jax.jit
 def _dare_loop(A, B, Q, R):
     return A - B @ lqr_gain(A, B, dare(A, B, Q, R), R)
-
-
-def small_inverse(M: Float[Array, "*batch p p"]) -> Float[Array, "*batch p p"]:
-    """Inverse in closed form up to 3 x 3, by LU beyond.
-
-    The closed form halves the run and compile time of the sweep.
-    """
-    if M.shape[-1] == 1:
-        return 1 / M
-    if M.shape[-1] == 2:
-        a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
-        adjugate = jnp.stack([jnp.stack([d, -b], -1), jnp.stack([-c, a], -1)], -2)
-        return adjugate / (a * d - b * c)[..., None, None]
-    if M.shape[-1] == 3:
-        first, second, third = M[..., 0, :], M[..., 1, :], M[..., 2, :]
-        adjugate = jnp.stack(
-            [jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)], -1
-        )
-        return adjugate / jnp.sum(first * adjugate[..., 0], axis=-1)[..., None, None]
-    return jnp.linalg.inv(M)

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jcontour.linear.plant import AffinePlan, LinearPlant
-from jcontour.riccati.algebraic import small_inverse
+from jcontour.linear.small_matrices import small_inverse
 from jcontour.riccati.packed_stage import (
     cost_entries,
     cost_in_front,

@@ -33,6 +33,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour.controller import Controller, check_limit, numbers
 from jcontour.controllers.feedback.state_feedback import TargetPlan, accelerated_targets
 from jcontour.linear.plant import LinearPlant, spectral_radius
+from jcontour.linear.small_matrices import small_inverse, small_solve
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import DOUBLINGS
 from jcontour.sensors import row
@@ -116,7 +117,7 @@ def _slope(primals, tangents):
     A, B, Q, S, R = primals
     dA, dB, dQ, dS, dR = tangents
     X = _stabilising(A, B, Q, S, R)
-    K = jnp.linalg.solve(R + B.T @ X @ B, S.T + B.T @ X @ A)
+    K = small_solve(R + B.T @ X @ B, S.T + B.T @ X @ A)
     loop, moved = A - B @ K, dA - dB @ K
     stage = dQ - dS @ K - K.T @ dS.T + K.T @ dR @ K + moved.T @ X @ loop + loop.T @ X @ moved
 
@@ -137,21 +138,21 @@ def central_controller(plant: Generalised, gamma: Float[Array, ""]) -> tuple[Cen
     level = jnp.diag(jnp.concatenate([jnp.full(w, gamma**2), jnp.zeros(inputs)]))
     X, M, row = _stationary(A, B, C1.T @ C1, C1.T @ D, D.T @ D - level)
     M_uu, M_uw = M[w:, w:], M[w:, :w]
-    pivot = -(M[:w, :w] - M_uw.T @ jnp.linalg.solve(M_uu, M_uw))
-    worst = jnp.linalg.solve(pivot, row[:w] - M_uw.T @ jnp.linalg.solve(M_uu, row[w:]))
+    pivot = -(M[:w, :w] - M_uw.T @ small_solve(M_uu, M_uw))
+    worst = small_solve(pivot, row[:w] - M_uw.T @ small_solve(M_uu, row[w:]))
     T, N = jnp.linalg.cholesky(M_uu), jnp.linalg.cholesky(pivot)
-    inwards = jnp.linalg.inv(N).T  # w = w* + N^-T r
-    back = jnp.linalg.inv(T)
+    inwards = small_inverse(N).T  # w = w* + N^-T r
+    back = small_inverse(T)
     A_t, C_t, B_t, D_t = A + B1 @ worst, C2 + D21 @ worst, B1 @ inwards, D21 @ inwards
     wanted, direct = back @ (row[w:] + M_uw @ worst), back @ M_uw @ inwards
     C, E = jnp.concatenate([wanted, C_t]), jnp.concatenate([direct, D_t])
     one = jnp.diag(jnp.concatenate([jnp.ones(inputs), jnp.zeros(C2.shape[0])]))
     Y, S, column = _stationary(A_t.T, C.T, B_t @ B_t.T, B_t @ E.T, E @ E.T - one)
     S_yy, S_uy = S[inputs:, inputs:], S[:inputs, inputs:]
-    at_y = jnp.linalg.inv(S_yy)
+    at_y = small_inverse(S_yy)
     missed = S_uy @ at_y @ S_uy.T - S[:inputs, :inputs]
     law = Central(A_t, B2, C_t, -back.T @ wanted, -back.T @ S_uy @ at_y, column[inputs:].T @ at_y)
-    loops = A - B @ jnp.linalg.solve(M, row), A_t - column.T @ jnp.linalg.solve(S, C)
+    loops = A - B @ small_solve(M, row), A_t - column.T @ small_solve(S, C)
     return law, Conditions((X, Y), loops, (M_uu, pivot, S_yy, missed))
 
 

@@ -36,6 +36,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Num
 from jcontour._arrays import check_signs, is_concrete, ranked
 from jcontour.controller import Controller, check_axes, numbers
 from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -121,7 +122,7 @@ def _ackermann(
         columns.append(column)
         column = D @ column
     reach = jnp.stack(columns, axis=1) / scale[None]
-    last = jnp.linalg.solve(reach.T, jnp.zeros(n).at[-1].set(1.0)) / scale[-1]
+    last = small_solve(reach.T, jnp.zeros(n).at[-1].set(1.0)) / scale[-1]
     last, D, identity = (x.astype(poles.dtype) for x in (last, D, jnp.eye(n)))
     for q in poles - 1:
         last = last @ (D - q * identity)

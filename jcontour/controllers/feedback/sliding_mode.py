@@ -48,6 +48,7 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commande
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.controllers.wrappers.adapters import WithoutLearning
 from jcontour.linear.plant import LinearPlant
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
 
@@ -172,7 +173,7 @@ class SlidingMode(Controller):
                 "surface: needs relative degree one, a control acts on it later (S B is singular)"
             )
         self.model, self.reaching, self.gain = model, reaching, gain
-        self.surface, self.preview = jnp.linalg.solve(acting, surface), 2
+        self.surface, self.preview = small_solve(acting, surface), 2
 
     def prepare(self, reference: Reference) -> TargetPlan:
         """Targets x_d, and the equivalent control S (x_d(k+1) - A x_d) of every step."""

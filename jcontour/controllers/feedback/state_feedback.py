@@ -38,6 +38,7 @@ from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, check_limit, check_period
 from jcontour.controllers.observers.kalman import check_gain
 from jcontour.linear.plant import LinearPlant, check_stable
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
 from jcontour.sensors import Sensors, row
@@ -152,7 +153,7 @@ def _moving_target(A: Array, B: Array, C: Array) -> tuple[SteadyTarget, Float[Ar
     scaled = matrix / largest[None]
 
     def solve(state, output):
-        return jnp.linalg.solve(scaled, jnp.concatenate([state, output])) / largest[:, None]
+        return small_solve(scaled, jnp.concatenate([state, output])) / largest[:, None]
 
     rest = solve(jnp.zeros((n, m)), jnp.eye(m))
     motion = solve(rest[:n], jnp.zeros((m, m)))
@@ -173,7 +174,7 @@ def accelerated_targets(model: LinearPlant, reference: Reference) -> TargetPlan:
     none = jnp.zeros((model.axes, model.axes))
     right = jnp.concatenate([target.state_moving, none])
     largest = jnp.max(jnp.abs(_steady_matrix(model.A, model.B, model.C)), axis=0)
-    third = jnp.linalg.solve(scaled, right) / largest[:, None]
+    third = small_solve(scaled, right) / largest[:, None]
     y = reference.position[: reference.steps + 2]
     dy = jnp.diff(y, axis=0)
     motion = jnp.concatenate([y[:-2], dy[:-1], jnp.diff(dy, axis=0)], axis=1)

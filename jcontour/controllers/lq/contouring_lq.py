@@ -37,6 +37,7 @@ from jcontour.linear.plant import (
     small_product,
     steady_motion,
 )
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled
@@ -387,7 +388,7 @@ class ZeroTerminal(Terminal):
         by_end = jnp.broadcast_to(-powers[d] / unit, (count, n, n))
         right = jnp.concatenate([by_state, by_end], axis=1)
         path = jnp.concatenate([by_path, wanted / unit.T], axis=1)
-        answer = jnp.linalg.solve(system, jnp.concatenate([right, path[:, :, None]], axis=2))
+        answer = jax.vmap(small_solve)(system, jnp.concatenate([right, path[:, :, None]], axis=2))
         K, k = answer[:, : d * p, :n], answer[:, : d * p, n]
         outputs = free[None] + jnp.einsum("jap,tpn->tjan", moved, K)
         left = jnp.einsum("jap,tp->tja", moved, k) - y_d

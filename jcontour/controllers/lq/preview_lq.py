@@ -33,8 +33,9 @@ from jcontour.controllers.lq.contouring_lq import (
     control_weight,
 )
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
+from jcontour.linear.small_matrices import small_inverse
 from jcontour.motion.references import Reference
-from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
+from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
 
 
 class PreviewLQ(ModelFeedback):

@@ -38,6 +38,7 @@ from jaxtyping import Array, Float
 
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant, SteadyMotion
+from jcontour.linear.small_matrices import small_inverse, small_solve
 from jcontour.linear.transformations import zoh
 from jcontour.plants.gantry.gantry import EquationOfMotion, GantryParameters, Scalar, check_on_beam
 
@@ -146,7 +147,7 @@ def _solved(
     rows = [[k_x, none, none], [none, k_y, k_y], [none, -k_t, k_t]]
     currents = jnp.stack([jnp.stack(row) for row in rows])
     columns = jnp.concatenate([-jnp.diag(springs), -jnp.diag(friction), currents, push], axis=1)
-    rates = jnp.concatenate([jnp.eye(3, 12, 3), jnp.linalg.solve(mass, columns)])
+    rates = jnp.concatenate([jnp.eye(3, 12, 3), small_solve(mass, columns)])
     return LinearGantry(rates[:, :6], rates[:, 6:9], rates[:, 9:])
 
 
@@ -196,7 +197,7 @@ def _matrices(parameters: GantryParameters, head: Scalar | float, dt: float, lin
     rows = [[one, none, none], [none, one, -L], [none, one, L]]
     positions = jnp.stack([jnp.stack(row) for row in rows])
     T = jnp.kron(jnp.eye(2), positions)
-    back = jnp.kron(jnp.eye(2), jnp.linalg.inv(positions))
+    back = jnp.kron(jnp.eye(2), small_inverse(positions))
     return T @ model.A @ back, T @ model.B, model.C @ back
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from jcontour.linear.plant import spectral_radius
-from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
+from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
 
 
 def system(seed, states, inputs, radius=1.2):
@@ -79,9 +79,3 @@ def test_traced_values_pass_unchecked():
     with pytest.raises(ValueError, match="no stabilising solution"):
         check_dare(A, *rest)
     assert jax.eval_shape(lambda A: check_dare(A, *rest), A) is None
-
-
-@pytest.mark.parametrize("size", [1, 2, 3, 4])
-def test_small_inverse(size):
-    M = np.random.default_rng(size).standard_normal((6, size, size)) + 3 * np.eye(size)
-    np.testing.assert_allclose(jax.jit(small_inverse)(M), np.linalg.inv(M), rtol=1e-12, atol=1e-14)
