@@ -15,7 +15,6 @@ Between two points that are h apart the difference of the two is at most h^2 / 8
 derivative farther than at both of them.
 """
 
-from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import Fit, fitted
 from jcontour.motion.jerk_limited.limits import Asked
-from jcontour.motion.spline_fit import DEGREE, fitted_splines
+from jcontour.motion.spline_fit import fitted_splines
 
 PARTS = 4  # of a piece between two knots, at whose ends the distance is measured and made small
 PER_CELL = 32  # pieces between two knots, at first
@@ -180,7 +179,7 @@ def _easy(
 
 def _sampled(runs: Runs, splines: _Splines) -> _Sampled:
     """Where a piece is longer than a cell, every cell has points: else it would have none."""
-    ends = np.union1d(runs.ends, splines.knots)
+    ends = np.union1d(runs.ends[:-1][np.isin(runs.of, splines.run)], splines.knots)
     piece = runs.piece(ends[:-1])
     kept = np.isin(runs.of[piece], splines.run)
     begin, end, piece = ends[:-1][kept], np.nextafter(ends[1:][kept], 0.0), piece[kept]
@@ -188,7 +187,7 @@ def _sampled(runs: Runs, splines: _Splines) -> _Sampled:
     arc = np.minimum(arc, end[:, None])
     on = np.broadcast_to(piece[:, None], arc.shape)
     place, _, bend, _ = jet(runs.pieces, on, arc - runs.ends[on])
-    *_, quartic, quintic = np.linalg.norm(runs.pieces.polynomial, axis=2).T
+    quartic, quintic = np.linalg.norm(runs.pieces.polynomial[:, 4:], axis=2).T
     wave = runs.pieces.rate**4 * np.linalg.norm(runs.pieces.cosine, axis=1)
     fourth = wave + 24 * quartic + 120 * quintic * runs.pieces.extent
     cell = np.searchsorted(splines.knots, begin, side="right") - 1
@@ -205,7 +204,7 @@ def _fitted(
     step = np.diff(sampled.arc, axis=1, prepend=sampled.arc[:, :1], append=sampled.arc[:, -1:])
     weight = step[:, 1:] + step[:, :-1]
     numbers = splines.run[splines.begins]
-    spline, determined = fitted_splines(
+    powers, determined = fitted_splines(
         splines.knots,
         np.bincount(splines.run)[numbers],
         sampled.arc.ravel(),
@@ -215,9 +214,8 @@ def _fitted(
     )
     which = np.zeros(runs.tangents.shape[1], bool)
     which[numbers] = determined
-    powers = [spline(splines.knots, k) / factorial(k) for k in range(DEGREE + 1)]
     lengths = np.diff(splines.knots, append=splines.knots[-1:])
-    return Piece.polynomials(np.stack(powers, axis=1), lengths), which
+    return Piece.polynomials(powers, lengths), which
 
 
 def _distance(

@@ -2,17 +2,12 @@
 
 Many splines are one problem: they lie one behind the other on one parameter, and the knots at the
 begin and at the end of each are sixfold, so that none meets the next. The normal equations of
-B-splines have six diagonals. They are summed interval by interval: on one interval the same six
-B-splines are not zero. So a fit is arithmetic of long arrays, however short the splines are.
+B-splines have six diagonals. In an interval the same six B-splines are polynomials, so that its
+moments, the sums of w u^p and of w u^p x over its points, are all that the equations need.
 """
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 DEGREE = 5
 SIX = np.arange(DEGREE + 1)  # B-splines that are not zero in an interval
@@ -25,11 +20,11 @@ def fitted_splines(
     points: Float[np.ndarray, "S m"],
     weight: Float[np.ndarray, " S"],
     tangents: Float[np.ndarray, "2 R m"],
-) -> tuple["BSpline", Bool[np.ndarray, " R"]]:
+) -> tuple[Float[np.ndarray, "K 6 m"], Bool[np.ndarray, " R"]]:
     """Splines through the first and the last of their points, and which of them are determined.
 
-    Where one ends and the next begins, the value is that of the next: an end is asked for just
-    before. A spline that its points do not determine is zero but at its ends.
+    Each is a polynomial in the distance from every knot but its last, lowest power first. One that
+    its points do not determine is zero but at its ends.
 
     Args:
         knots: those of each spline, from its begin to its end [m], increasing in each.
@@ -40,9 +35,7 @@ def fitted_splines(
         weight: how much each counts.
         tangents: derivatives at the begin and at the end of each [1]; NaN where any will do.
     """
-    # imported here: it takes longer than the rest of the library
-    from scipy.interpolate import BSpline
-    from scipy.linalg import get_lapack_funcs
+    from scipy.linalg import get_lapack_funcs  # takes long to import
 
     last = np.cumsum(sizes) - 1
     first = last - sizes + 1
@@ -67,11 +60,10 @@ def fitted_splines(
         step = (knots[far] - knots[near])[:, None] / DEGREE
         coefficients[beside[given]] = (points[at] + way * step)[given]
         free[beside[given]] = False
-    design = BSpline.design_matrix(arc, whole, DEGREE)
-    values, column = design.data.reshape(-1, SIX.size), design.indices[:: SIX.size]
-    left = points - np.einsum("rk,rkm->rm", values, coefficients[column[:, None] + SIX])
-    root = np.sqrt(weight)[:, None]
-    bands, right = _normal_equations(root * values, column, root * left, count)
+    inner = np.delete(np.arange(knots.size), last)  # knots before intervals
+    column = inner + 2 * DEGREE * np.repeat(np.arange(sizes.size), sizes - 1)  # first B-spline
+    windows = whole[column[:, None] + np.arange(1, 2 * SIX.size - 1)]
+    bands, right = _normal_equations(windows, column, arc, points, weight, coefficients)
     _hold(~free, bands, right)
     (solve,) = get_lapack_funcs(("pbsv",), (bands, right))
     determined = np.ones(sizes.size, bool)
@@ -82,7 +74,35 @@ def fitted_splines(
         k = np.searchsorted(begin, lost - 1, side="right") - 1
         determined[k] = False
         _hold((np.arange(count) >= begin[k]) & (np.arange(count) <= end[k]), bands, right)
-    return BSpline(whole, coefficients + solution, DEGREE), determined
+    powers = np.zeros((knots.size, SIX.size, points.shape[1]))
+    basis = _polynomials(windows, knots[inner], np.ones(inner.size))
+    powers[inner] = basis.swapaxes(1, 2) @ (coefficients + solution)[column[:, None] + SIX]
+    return powers, determined
+
+
+def _polynomials(
+    windows: Float[np.ndarray, "k 10"],
+    origin: Float[np.ndarray, " k"],
+    unit: Float[np.ndarray, " k"],
+) -> Float[np.ndarray, "k 6 6"]:
+    """Six B-splines of intervals as polynomials in u = (s - origin) / unit, lowest power first.
+
+    An interval is the middle one of the ten knots in its window. By the rule of Cox and de Boor.
+    """
+    basis = np.zeros((SIX.size, SIX.size, origin.size))  # (B-spline, power, interval)
+    basis[0, 0] = 1.0
+    apart = (windows - origin[:, None]).T
+    for degree in range(1, SIX.size):
+        before = np.zeros_like(basis[0])
+        for k in range(degree):
+            low, high = apart[DEGREE + k - degree], apart[DEGREE + k]
+            share = basis[k] / (high - low)
+            rising = -low * share
+            rising[1:] += unit * share[:-1]
+            basis[k] = before + (high - low) * share - rising
+            before = rising
+        basis[degree] = before
+    return np.moveaxis(basis, 2, 0)
 
 
 def _hold(
@@ -98,25 +118,46 @@ def _hold(
 
 
 def _normal_equations(
-    values: Float[np.ndarray, "S 6"],
-    column: Int[np.ndarray, " S"],
-    left: Float[np.ndarray, "S m"],
-    count: int,
+    windows: Float[np.ndarray, "k 10"],
+    column: Int[np.ndarray, " k"],
+    arc: Float[np.ndarray, " S"],
+    points: Float[np.ndarray, "S m"],
+    weight: Float[np.ndarray, " S"],
+    coefficients: Float[np.ndarray, "n m"],
 ) -> tuple[Float[np.ndarray, "6 n"], Float[np.ndarray, "n m"]]:
-    """Upper diagonals of N' N, the main one last, and N' left.
+    """Upper diagonals of N' W N, the main one last, and N' W (points - N coefficients).
 
     Args:
-        values: of the B-splines that are not zero at each point.
-        column: number of the first of them.
-        left: what is fitted.
-        count: number n of B-splines.
+        windows: five knots before the end of every interval, and five behind its begin.
+        column: number of the first B-spline that is not zero in it.
+        arc: parameter of the points.
+        points: what is fitted.
+        weight: of every point.
+        coefficients: what is known already, zero elsewhere.
     """
-    begins = np.flatnonzero(np.diff(column, prepend=-1))  # points of one interval follow each other
-    at = column[begins]
-    bands, right = np.zeros((SIX.size, count)), np.zeros((count, left.shape[1]))
+    begins = np.searchsorted(arc, windows[:, DEGREE - 1])
+    some = np.diff(begins, append=arc.size) > 0
+    windows, column, begins = windows[some], column[some], begins[some]
+    unit = 0.5 * (windows[:, DEGREE] - windows[:, DEGREE - 1])
+    middle = windows[:, DEGREE - 1] + unit
+    basis = _polynomials(windows, middle, unit)
+    count = np.diff(begins, append=arc.size)
+    u = (arc - np.repeat(middle, count)) / np.repeat(unit, count)
+    moments = np.empty((2 * SIX.size - 1, begins.size))
+    pulled = np.empty((SIX.size, points.shape[1], begins.size))
+    power, rows = weight, np.ascontiguousarray(points.T)
+    for k in range(len(moments)):
+        moments[k] = np.add.reduceat(power, begins)
+        if k < SIX.size:
+            pulled[k] = np.add.reduceat(power * rows, begins, axis=1)
+        power = power * u
+    held = np.moveaxis(moments[SIX[:, None] + SIX], 2, 0) @ basis.swapaxes(1, 2)
+    squares = basis @ held
+    known = squares @ coefficients[column[:, None] + SIX]
+    left = basis @ np.moveaxis(pulled, 2, 0) - known
+    bands, right = np.zeros((SIX.size, len(coefficients))), np.zeros(coefficients.shape)
     for k in SIX:
-        right[at + k] += np.add.reduceat(values[:, k, None] * left, begins)
-        products = np.add.reduceat(values[:, k:] * values[:, k, None], begins)
+        right[column + k] += left[:, k]
         apart = SIX[: SIX.size - k, None]
-        bands[DEGREE - apart, at + k + apart] += products.T
+        bands[DEGREE - apart, column + k + apart] += squares[:, k, k:].T
     return bands, right
