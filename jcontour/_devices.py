@@ -24,5 +24,8 @@ def on_cpu() -> Iterator[None]:
     Raises:
         RuntimeError: JAX has been told to do without its CPU (`JAX_PLATFORMS`).
     """
+    if platform() == "cpu":  # else every program within it would be traced once more
+        yield
+        return
     with jax.default_device(jax.local_devices(backend="cpu")[0]):
         yield

@@ -38,6 +38,7 @@ from jcontour.simulation.closed_loop import check_kinds, check_run, follow, prep
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
 DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
 GAIN_RESOLUTION = 1e-3  # relative width to which a gain margin is bisected
+SIDE_BY_SIDE = 16  # loops are cut by so many, or several times as many
 PROBED_LOOPS = 48  # frozen loops that guide a search; all of them confirm it
 
 
@@ -156,8 +157,10 @@ def cut_loops(
     """
     check_run(plant, controller, reference)
     plan = prepared(controller, reference)
-    loops = _cut_loops(plant, controller, reference, plan, jax.device_put(rows))
-    return CutLoops(*(np.asarray(matrices) for matrices in loops))
+    # so many that paths with a few loops more or less share one program
+    several = np.resize(rows, -(-rows.size // SIDE_BY_SIDE) * SIDE_BY_SIDE)
+    loops = _cut_loops(plant, controller, reference, plan, jax.device_put(several))
+    return CutLoops(*(np.asarray(matrices)[: rows.size] for matrices in loops))
 
 
 @eqx.filter_jit
