@@ -33,6 +33,7 @@ from functools import lru_cache
 from types import SimpleNamespace
 from typing import NamedTuple
 
+import numpy as np
 import warp as wp
 
 from jcontour._kernels.parts import IN_SHARED, NORMS, at, fence, inverse_root, scoring
@@ -51,6 +52,12 @@ class Size(NamedTuple):
     N: int  # preview [samples]
     real: type = wp.float64
     staged: bool = False  # whether there is a stage profile
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """First numbers of B, C, O, the response and control at rest, and the state in `model`."""
+        m, n, N, *_ = self
+        return tuple(np.cumsum([m * n * n, m * n, m * n, m * N * n, m * N, m]).tolist())
 
 
 @lru_cache
@@ -92,9 +99,10 @@ def output_rows(name: str, size: Size, steps: int) -> int:
 
 
 @lru_cache
-def _factorisation(N: int, real) -> SimpleNamespace:
+def _triangles(N: int, real) -> SimpleNamespace:
     """Functions of symmetric matrices, given by their lower triangles row by row."""
     Window, Triangle = (wp.types.vector(length=k, dtype=real) for k in (N, N * (N + 1) // 2))
+    Row = wp.array(dtype=real, ndim=1)
 
     @wp.func(inline=True)
     def cholesky(S: Triangle) -> Triangle:
@@ -127,20 +135,46 @@ def _factorisation(N: int, real) -> SimpleNamespace:
             v[i] = z * L[i * (i + 1) // 2 + i]
         return v
 
-    return SimpleNamespace(Window=Window, Triangle=Triangle, cholesky=cholesky, solve=solve)
+    @wp.func(inline=True)
+    def product(design: Row, start: wp.int64, row: int, e: Window) -> Window:
+        """Product of the triangle from a row of the design on."""
+        s = Window()
+        for i in range(N):
+            for j in range(i):
+                entry = at(design, start, (row + i * (i + 1) // 2 + j) * TILE)
+                s[i] += entry * e[j]
+                s[j] += entry * e[i]
+            s[i] += at(design, start, (row + i * (i + 1) // 2 + i) * TILE) * e[i]
+        return s
+
+    @wp.func(inline=True)
+    def products(design: Row, start: wp.int64, row: int, e: Window, d: Window):
+        """Products of a triangle with two windows, each number read once."""
+        s, t = Window(), Window()
+        for i in range(N):
+            for j in range(i):
+                entry = at(design, start, (row + i * (i + 1) // 2 + j) * TILE)
+                s[i] += entry * e[j]
+                s[j] += entry * e[i]
+                t[i] += entry * d[j]
+                t[j] += entry * d[i]
+            entry = at(design, start, (row + i * (i + 1) // 2 + i) * TILE)
+            s[i] += entry * e[i]
+            t[i] += entry * d[i]
+        return s, t
+
+    return SimpleNamespace(cholesky=cholesky, solve=solve, product=product, products=products)
 
 
 @lru_cache
 def _axes(size: Size) -> SimpleNamespace:
     """Functions of the axes' models and of their windows, samples k + 1 to k + N."""
     m, n, N, real, staged = size
-    B, C, maps = m * n * n, m * n * (n + 1), m * n * (n + 2)  # places in `model`
-    rest = maps + m * N * n
-    control = rest + m * N
+    B, C, maps, rest, _, first = size.places
     first_roots = 1 + m * N * (N + 1) // 2 + m * N  # in `design`
     columns = 2 * m + 2  # of `path`
-    Row, Window = wp.array(dtype=real, ndim=1), _factorisation(N, real).Window
-    Point, States = (wp.types.vector(length=k, dtype=real) for k in (m, m * n))
+    Row = wp.array(dtype=real, ndim=1)
+    Window, Point, States = (wp.types.vector(length=k, dtype=real) for k in (N, m, m * n))
 
     @wp.func(inline=True)
     def window(path: Row, column: int, k: int) -> Window:
@@ -198,20 +232,12 @@ def _axes(size: Size) -> SimpleNamespace:
     def first_state(model: Row) -> States:
         x = States()
         for i in range(m * n):
-            x[i] = at(model, wp.int64(0), control + m + i)
+            x[i] = at(model, wp.int64(0), first + i)
         return x
-
-    @wp.func(inline=True)
-    def control_at_rest(model: Row) -> Point:
-        u = Point()
-        for a in range(m):
-            u[a] = at(model, wp.int64(0), control + a)
-        return u
 
     return SimpleNamespace(
         States=States, window=window, weighted=weighted, free_response=free_response,
         free_error=free_error, next_state=next_state, output=output, first_state=first_state,
-        control_at_rest=control_at_rest,
     )  # fmt: skip
 
 
@@ -221,41 +247,14 @@ def _law(size: Size) -> SimpleNamespace:
     m, _, N, real, staged = size
     T = N * (N + 1) // 2
     rows = 1 + m * T + m * N + N * int(staged)
+    control_at_rest = size.places[4]
     Row, axes = wp.array(dtype=real, ndim=1), _axes(size)
-    Window, Triangle = (wp.types.vector(length=k, dtype=real) for k in (N, T))
+    Window, Triangle, Point = (wp.types.vector(length=k, dtype=real) for k in (N, T, m))
 
     @wp.func(inline=True)
     def first_number(run: int) -> wp.int64:
         """Index of the first number of a run; the next are `TILE` apart."""
         return wp.int64(run // TILE) * wp.int64(rows * TILE) + wp.int64(run % TILE)
-
-    @wp.func(inline=True)
-    def product(design: Row, start: wp.int64, a: int, e: Window) -> Window:
-        """Product f M e of an axis."""
-        s = Window()
-        for i in range(N):
-            for j in range(i):
-                entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + j) * TILE)
-                s[i] += entry * e[j]
-                s[j] += entry * e[i]
-            s[i] += at(design, start, (1 + a * T + i * (i + 1) // 2 + i) * TILE) * e[i]
-        return s
-
-    @wp.func(inline=True)
-    def products(design: Row, start: wp.int64, a: int, e: Window, d: Window):
-        """Products f M e and f M d of an axis, each number of M read once."""
-        s, t = Window(), Window()
-        for i in range(N):
-            for j in range(i):
-                entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + j) * TILE)
-                s[i] += entry * e[j]
-                s[j] += entry * e[i]
-                t[i] += entry * d[j]
-                t[j] += entry * d[i]
-            entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + i) * TILE)
-            s[i] += entry * e[i]
-            t[i] += entry * d[i]
-        return s, t
 
     @wp.func(inline=True)
     def gain(design: Row, start: wp.int64, a: int, i: int) -> real:
@@ -273,10 +272,11 @@ def _law(size: Size) -> SimpleNamespace:
     @wp.func(inline=True)
     def step_system(design: Row, start: wp.int64, model: Row, path: Row, x: axes.States, k: int):
         """S, its right-hand side c = sum_a r_a (f M_a e_a), and the control where w is zero."""
-        S, c, u = Triangle(), Window(), axes.control_at_rest(model)
-        f = at(design, start, 0)
+        S, c, u, f = Triangle(), Window(), Point(), at(design, start, 0)
         for i in range(N):
             S[i * (i + 1) // 2 + i] = real(1.0)
+        for a in range(m):
+            u[a] = at(model, wp.int64(0), control_at_rest + a)
         for a in range(m):
             fence()
             r = axes.window(path, a, k)
@@ -297,8 +297,7 @@ def _law(size: Size) -> SimpleNamespace:
         return S, c, u
 
     return SimpleNamespace(
-        first_number=first_number, product=product, products=products, gain=gain,
-        control=control, step_system=step_system,
+        first_number=first_number, gain=gain, control=control, step_system=step_system
     )  # fmt: skip
 
 
@@ -306,7 +305,7 @@ def _run(size: Size, stores: bool) -> wp.Kernel:
     m, n, N, real, _ = size
     Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
     Point, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, NORMS))
-    matrix, score = _factorisation(N, real), scoring(m, m, real)
+    matrix, score = _triangles(N, real), scoring(m, m, real)
     axes, law = _axes(size), _law(size)
 
     @wp.kernel(**IN_SHARED)
@@ -356,8 +355,8 @@ def _slopes(size: Size) -> wp.Kernel:
     m, _, N, real, _ = size
     Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
     Point, Window, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, N, NORMS))
-    matrix, score = _factorisation(N, real), scoring(m, m, real)
-    axes, law = _axes(size), _law(size)
+    matrix, score = _triangles(N, real), scoring(m, m, real)
+    axes, law, T = _axes(size), _law(size), N * (N + 1) // 2
 
     @wp.kernel(enable_backward=False, module="unique")
     def slopes(design: Row, model: Row, path: Row, contour: Rows, out: Rows):
@@ -382,7 +381,7 @@ def _slopes(size: Size) -> wp.Kernel:
                 lag = wp.cw_mul(r, w)
                 eta = axes.free_error(design, start, model, path, x, a, k) - lag
                 fence()
-                z = law.product(design, start, a, eta)
+                z = matrix.product(design, start, 1 + a * T, eta)
                 fence()
                 e1 = axes.free_response(design, start, model, x1, a) + z / f
                 e2 = axes.free_response(design, start, model, x2, a)
@@ -390,7 +389,7 @@ def _slopes(size: Size) -> wp.Kernel:
                 u1[a] -= law.control(design, start, a, e1)
                 u2[a] -= law.control(design, start, a, e2)
                 fence()
-                s1, s2 = law.products(design, start, a, e1, e2)
+                s1, s2 = matrix.products(design, start, 1 + a * T, e1, e2)
                 for i in range(N):
                     c1[i] += r[i] * (s1[i] - z[i])
                     c2[i] += r[i] * s2[i]
@@ -434,15 +433,13 @@ def _slopes(size: Size) -> wp.Kernel:
     return slopes
 
 
-def _adjoint(size: Size) -> wp.Kernel:
-    m, n, N, real, staged = size
-    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
-    Point, Window, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, N, NORMS))
-    matrix, score = _factorisation(N, real), scoring(m, m, real)
-    axes, law = _axes(size), _law(size)
-    B, C, maps = m * n * n, m * n * (n + 1), m * n * (n + 2)  # places in `model`
+def _storage(size: Size) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Functions of the way back: a stored control, the states of a segment, the machine's step."""
+    m, n, N, real, _ = size
+    Rows, Row, axes = wp.array(dtype=real, ndim=2), wp.array(dtype=real, ndim=1), _axes(size)
+    Point, States = (wp.types.vector(length=k, dtype=real) for k in (m, m * n))
+    B, C, *_ = size.places
     controls = 3 * NORMS + 1  # first row in `stored`
-    States, Total = (wp.types.vector(length=k, dtype=real) for k in (m * n, 2 + N))
 
     @wp.func(inline=True)
     def stored_control(stored: Rows, k: int, tid: int) -> Point:
@@ -463,8 +460,8 @@ def _adjoint(size: Size) -> wp.Kernel:
             x = axes.next_state(model, x, stored_control(stored, k - place + j, tid))
 
     @wp.func(inline=True)
-    def before_step(model: Row, x_bar: States, y_bar: Point, u_bar: Point):
-        """Cotangents of the state and of the control without the law."""
+    def before_law(model: Row, x_bar: States, y_bar: Point, u_bar: Point):
+        """Cotangents of the state and of the control, without the law."""
         new = States()
         for a in range(m):
             for q in range(n):
@@ -474,6 +471,19 @@ def _adjoint(size: Size) -> wp.Kernel:
                     entry = at(model, wp.int64(0), (a * n + i) * n + q)
                     new[a * n + q] += entry * x_bar[a * n + i]
         return new, u_bar
+
+    return stored_control, compute_segment, before_law
+
+
+def _adjoint(size: Size) -> wp.Kernel:
+    m, n, N, real, staged = size
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    Point, Window, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, N, NORMS))
+    matrix, score = _triangles(N, real), scoring(m, m, real)
+    axes, law = _axes(size), _law(size)
+    stored_control, compute_segment, before_law = _storage(size)
+    maps, T = size.places[2], N * (N + 1) // 2
+    States, Total = (wp.types.vector(length=k, dtype=real) for k in (m * n, 2 + N))
 
     @wp.kernel(**IN_SHARED)
     def adjoint(
@@ -504,7 +514,7 @@ def _adjoint(size: Size) -> wp.Kernel:
                 y_bar = v.offset * bar[0] + v.across * bar[1] + v.error * bar[2]
                 increment_bar = v.increment * bar[4]
                 u_bar += u * bar[3] + increment_bar
-            new_bar, u_bar = before_step(model, x_bar, y_bar, u_bar)
+            new_bar, u_bar = before_law(model, x_bar, y_bar, u_bar)
             fence()
             S, c, _ = law.step_system(design, start, model, path, x, k)
             fence()
@@ -525,7 +535,7 @@ def _adjoint(size: Size) -> wp.Kernel:
                 lag, g = wp.cw_mul(r, w), wp.cw_mul(r, p)
                 eta = axes.free_error(design, start, model, path, x, a, k) - lag
                 fence()
-                fz, e_bar = law.products(design, start, a, eta, g)
+                fz, e_bar = matrix.products(design, start, 1 + a * T, eta, g)
                 fence()
                 z = fz / f
                 for i in range(N):
