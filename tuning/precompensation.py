@@ -54,6 +54,20 @@ OUTSIDE = 0.01  # of the way between the bounds, beyond which the penalty grows
 GROWTH = 1.4  # in a step: 2 is within sooner, and 1.3 times as far from the least error
 
 
+class Prices(NamedTuple):
+    """Weights of the errors and of a correction.
+
+    Attributes:
+        contouring: part of the weight that is on the contour error alone.
+        size: of the correction, relative to an error of the same size.
+        roughness: of its second difference, likewise.
+    """
+
+    contouring: float = 0.9
+    size: float = 1e-6
+    roughness: float = 1e-2
+
+
 class Precompensated(NamedTuple):
     """A correction of a reference.
 
@@ -158,9 +172,7 @@ def precompensate(
     plants: Plant,
     controller: Controller,
     reference: Reference,
-    contouring: float = 0.9,
-    size: float = 1e-6,
-    roughness: float = 1e-2,
+    prices: Prices,
     rounds: int = ROUNDS,
     held: Bool[np.ndarray, " T"] | None = None,
     bounds: Bounds | None = None,
@@ -172,9 +184,7 @@ def precompensate(
         plants: the family, stacked; with derivatives.
         controller: any that is traceable; it follows the shifted reference.
         reference: where the tool should be.
-        contouring: part of the weight that is on the contour error alone.
-        size: price of the correction, relative to an error of the same size.
-        roughness: price of its second difference, likewise.
+        prices: of errors and of the correction.
         rounds: of weights; one minimises the mean over the family. Where bounds are not kept by
             then, there are more, up to `MORE` times as many.
         held: samples where the reference stays as it is, as where a program stops; None for none.
@@ -185,6 +195,7 @@ def precompensate(
         ValueError: a price is negative or not finite, the part is not from zero to one, there is no
             round, or as `simulate`.
     """
+    contouring, size, roughness = prices
     for name, price in (("size", size), ("roughness", roughness)):
         if not (np.isfinite(price) and price >= 0):
             raise ValueError(f"{name}: needs to be finite and not negative, received {price}")
@@ -195,7 +206,7 @@ def precompensate(
     free = _free(reference.steps, held)
     errors = _weighted_errors(plants, controller, reference, contouring, free)
     still = jnp.zeros((reference.steps, reference.position.shape[-1]))
-    prices = jnp.asarray([size, roughness])
+    penalties = jnp.asarray([size, roughness])
     bounds = bounds or Bounds.none(*still.shape)
     within = jax.tree.map(jnp.asarray, bounds.inner)
     before = np.asarray(_sizes(errors(still)))
@@ -204,10 +215,10 @@ def precompensate(
     least, correction, copy = float(np.max(before) ** 2), still, Copy.of(bounds)
     for number in range(1, MORE * rounds + 1):
         correction, copy = _improved(
-            errors, correction, jnp.asarray(weight), prices, free, copy, within
+            errors, correction, jnp.asarray(weight), penalties, free, copy, within
         )
         after = np.asarray(_sizes(errors(correction)))
-        cost = float(np.max(after) ** 2 + _price(correction, prices, free))
+        cost = float(np.max(after) ** 2 + _price(correction, penalties, free))
         shown = np.asarray(free * correction)
         kept = bounds.keep(shown)
         if cost < least and kept:

@@ -142,10 +142,9 @@ def check_weight(name: str, weight: np.ndarray) -> None:
 
 
 @compiled
-def residuals(
-    H, g, C, lower_rows, upper_rows, lower, upper, z, multipliers
-) -> tuple[float, float, float]:
+def residuals(qp: QP, z, multipliers) -> tuple[float, float, float]:
     """Scaled primal residual, dual residual and duality gap of an answer, see `Solution`."""
+    H, g, C, lower_rows, upper_rows, lower, upper = qp
     n = g.size
     pull, values = multipliers[:n].copy(), np.empty(multipliers.size)
     _add_rows(C, z, multipliers, pull, values)

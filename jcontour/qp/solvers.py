@@ -227,7 +227,7 @@ def _best_checked(
             solution = _checked(solver, qp, *answer, iterations)
             if solution is not None:
                 return solution
-            other = residuals(*qp, *answer)
+            other = residuals(qp, *answer)
             best = other if not max(best) <= max(other) else best
     raise Unsolved(solver, status, qp, best)
 
@@ -280,7 +280,7 @@ class _Stacked:
             self._lower, self._upper = np.empty(size), np.empty(size)
             self._sense = np.zeros(size, np.int32)
             self._shape = qp.C.shape
-        wrong = _stack(*qp, self._lower, self._upper, self._sense)
+        wrong = _stack(qp, self._lower, self._upper, self._sense)
         if wrong == SHAPES:
             check_shapes(qp)
         if wrong == NOT_FINITE:
@@ -293,8 +293,9 @@ class _Stacked:
 
 
 @compiled
-def _stack(H, g, C, lower_rows, upper_rows, lower, upper, all_lower, all_upper, sense) -> int:
+def _stack(qp: QP, all_lower, all_upper, sense) -> int:
     """Fill the stacked limits; FINE, NOT_FINITE, CROSSED or SHAPES."""
+    H, g, C, lower_rows, upper_rows, lower, upper = qp
     n, r = g.size, lower_rows.size
     matrices = H.shape == (n, n) and C.shape == (r, n)
     limits = upper_rows.size == r and lower.size == n and upper.size == n
@@ -328,7 +329,7 @@ def _finite(H, g, C) -> bool:
 
 
 def _checked(solver: str, qp: QP, z, multipliers, iterations) -> Solution | None:
-    primal, dual, gap = residuals(*qp, z, multipliers)
+    primal, dual, gap = residuals(qp, z, multipliers)
     if primal <= RESIDUAL_LIMIT and dual <= RESIDUAL_LIMIT and gap <= RESIDUAL_LIMIT:
         return Solution(z, multipliers, primal, dual, gap, solver, iterations)
     return None

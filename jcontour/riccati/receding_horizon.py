@@ -35,7 +35,7 @@ from jcontour.riccati.packed_stage import (
     packing,
     stage_maps,
 )
-from jcontour.riccati.window_sweep import window_plan
+from jcontour.riccati.window_sweep import SweepData, window_plan
 
 MOST_STATES = 20  # of the fast sweep; its matrices grow with the fourth power
 
@@ -78,7 +78,7 @@ def receding_horizon_plan(
         terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
     if model.states > MOST_STATES:
         return readable_plan(model, Q, y_d, stage, R, terminal)
-    F, f = window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal)
+    F, f = window_plan(model, SweepData(cost_entries(Q, y_d), stage, R, *terminal))
     return AffinePlan(F, f)
 
 

@@ -28,9 +28,8 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.linear.plant import Pattern
+from jcontour.linear.plant import LinearPlant, Pattern
 from jcontour.riccati.packed_stage import (
-    cost_entries,
     cost_in_front,
     extended,
     packed_cost,
@@ -65,17 +64,18 @@ class Gains(NamedTuple):
 
 
 def window_plan(
-    pattern: Pattern, A, B, C, Q, y_d, stage, R, H, g
+    model: LinearPlant, data: SweepData
 ) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
     """Gains F, f of `riccati.receding_horizon_plan`.
 
     Q, R and H have to be symmetric. Where the pattern is False, the model has to be zero.
     """
-    cost, preview = cost_entries(Q, y_d), stage.shape[0]
+    given = model.pattern, model.A, model.B, model.C
+    cost, preview = data.cost, data.stage.shape[0]
     steps = cost.shape[1] - preview
     count = -(-steps // max(BLOCK, 2 * preview))
     if count == 1:
-        return _plan(pattern, A, B, C, SweepData(cost, stage, R, H, g))
+        return _plan(*given, data)
     length = -(-steps // count)
     idle = count * length - steps  # steps without cost, swept to make the blocks equal
 
@@ -85,10 +85,10 @@ def window_plan(
 
     def plan(block):
         window, H, g = block
-        return _plan(pattern, A, B, C, SweepData(window, stage, R, H, g))
+        return _plan(*given, data._replace(cost=window, H=H, g=g))
 
     windows = _windows(jnp.pad(cost, ((0, 0), (0, idle))), count, length)
-    F, f = jax.lax.map(plan, (windows, cut(H), cut(g)))
+    F, f = jax.lax.map(plan, (windows, cut(data.H), cut(data.g)))
     return F.reshape(-1, *F.shape[2:])[:steps], f.reshape(-1, *f.shape[2:])[:steps]
 
 

@@ -18,6 +18,7 @@ from tuning.precompensation import (
     INSIDE,
     Bounds,
     Copy,
+    Prices,
     bend_back,
     bend_of,
     eased,
@@ -25,7 +26,7 @@ from tuning.precompensation import (
 )
 
 DT, GAIN = 1e-3, 60.0
-PRICES = {"contouring": 0.9, "size": 1e-3, "roughness": 1e-2}
+PRICES = Prices(contouring=0.9, size=1e-3, roughness=1e-2)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def test_where_it_rests_or_is_held_the_rest_is_the_minimum(table, controller, mo
     reference, stays = arc(60, moving), np.isin(np.arange(60), held)
     wanted = Dense(table, reference, held).least()
     plants = seen([table])
-    corrected = precompensate(plants, controller, reference, **PRICES, rounds=12, held=stays)
+    corrected = precompensate(plants, controller, reference, PRICES, rounds=12, held=stays)
     assert np.array_equal(
         ~corrected.correction.any(axis=1), stays | np.isin(np.arange(60), (0, 59))
     )
@@ -141,7 +142,7 @@ def test_within_bounds_it_is_nearly_the_minimum_of_its_quadratic_program(table, 
 
     bounds = Bounds(middle, reach)
     corrected = precompensate(
-        seen([table]), controller, reference, **PRICES, rounds=200, bounds=bounds
+        seen([table]), controller, reference, PRICES, rounds=200, bounds=bounds
     )
     assert bounds.keep(corrected.correction) and not bounds.keep(2 * corrected.correction)
     assert least(1.0) <= cost(corrected.correction.ravel()) <= 1.02 * least(INSIDE)
@@ -150,7 +151,7 @@ def test_within_bounds_it_is_nearly_the_minimum_of_its_quadratic_program(table, 
 
 def test_bounds_that_are_not_kept_in_time_leave_the_reference_as_it_is(table, controller):
     bounds = Bounds(np.full((40, 2), 1e-3), np.full((40, 2), 1e-6))  # not even by a straight one
-    corrected = precompensate(seen([table]), controller, arc(40), **PRICES, rounds=1, bounds=bounds)
+    corrected = precompensate(seen([table]), controller, arc(40), PRICES, rounds=1, bounds=bounds)
     assert not corrected.correction.any()
     np.testing.assert_array_equal(corrected.after, corrected.before)
 
@@ -165,7 +166,7 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller)
         return max(np.linalg.norm(one.error + one.slope @ correction) for one in loops)
 
     minimax, mean = (
-        precompensate(seen(family), controller, reference, **PRICES, rounds=rounds)
+        precompensate(seen(family), controller, reference, PRICES, rounds=rounds)
         for rounds in (40, 1)
     )
     assert minimax.after.max() == pytest.approx(largest(minimax.correction.ravel()), rel=1e-9)
@@ -202,17 +203,17 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller)
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("prices", "rounds", "message"),
     [
-        ({"size": -1.0}, "size: needs to be finite and not negative"),
-        ({"roughness": np.nan}, "roughness: needs to be finite"),
-        ({"contouring": 1.5}, "contouring: needs to be from zero to one"),
-        ({"rounds": 0}, "rounds: needs at least one"),
+        (Prices(size=-1.0), 1, "size: needs to be finite and not negative"),
+        (Prices(roughness=np.nan), 1, "roughness: needs to be finite"),
+        (Prices(contouring=1.5), 1, "contouring: needs to be from zero to one"),
+        (Prices(), 0, "rounds: needs at least one"),
     ],
 )
-def test_bad_prices_are_named(table, controller, change, message):
+def test_bad_prices_are_named(table, controller, prices, rounds, message):
     with pytest.raises(ValueError, match=message):
-        precompensate(seen([table]), controller, arc(10), **change)
+        precompensate(seen([table]), controller, arc(10), prices, rounds)
 
 
 STEPS, AXES = 9, 2

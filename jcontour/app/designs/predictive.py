@@ -139,7 +139,7 @@ def _contouring(machine: Machine, contour: Contour, design: PredictiveDesign) ->
         values["control_change"] = usual_change(machine)
     try:
         costs = ContouringWeights(**values)
-        mpcc = MPCC(hosted.model, contour, -limit, limit, speed, costs, design.horizon)
+        mpcc = MPCC(hosted.model, contour, (-limit, limit), speed, costs, design.horizon)
     except ValueError as error:  # names the library's field: the user knows the weight
         field, _, fault = str(error).partition(":")
         raise ValueError(f"{FIELDS.get(field, field)}:{fault}") from None

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Float
 
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController, Stepped, StepReport
@@ -27,7 +27,8 @@ from jcontour.mpc.contouring.contouring_qp import (
     path_of,
     write_step,
 )
-from jcontour.qp.problem import QP, Solution, check_limits
+from jcontour.mpc.tracking.limits import Bounds, bounds
+from jcontour.qp.problem import QP, Solution
 from jcontour.qp.solvers import DAQP, Solver
 
 ARRIVAL = 1e-5  # [m] how near its end the tool has to come before the run is over
@@ -64,8 +65,7 @@ class MPCC(HostController):
         model: the plant at the controller's sample period, without the delay that the controller
             brings.
         contour: the path.
-        lower: least controls, one number or one for each input.
-        upper: largest controls.
+        control: least and largest controls, each one number or one for each input.
         speed_limit: of the path parameter [m/s]; 1 mm per 4 ms in the paper.
         weights: see there.
         horizon: N samples, or the lengths of blocks over which controls and path speed are held:
@@ -86,8 +86,7 @@ class MPCC(HostController):
         self,
         model: LinearPlant,
         contour: Contour,
-        lower: ArrayLike | Sequence[float] = -0.5,
-        upper: ArrayLike | Sequence[float] = 0.5,
+        control: Bounds = (-0.5, 0.5),
         speed_limit: float = 0.25,
         weights: ContouringWeights | None = None,
         horizon: int | float | Sequence[int] = 7,
@@ -112,9 +111,7 @@ class MPCC(HostController):
             )
         _check_positive("speed_limit", speed_limit)
         _check_positive("arrival", arrival)
-        lower = _limit("lower", lower, model.inputs)
-        upper = _limit("upper", upper, model.inputs)
-        check_limits("lower, upper", lower, upper)
+        lower, upper = bounds("control", control, model.inputs)
         self.path = path_of(contour, self.weights.length_unit)
         self.length = self.path.length
         self._end = self.path.at(self.length)[0]
@@ -165,7 +162,7 @@ class MPCC(HostController):
         low, high = self._lower[-p:], self._upper[-p:]
         if not ((low <= held) & (high >= held)).all():
             raise ValueError(
-                f"lower, upper: the machine is held at the start by {held}, which needs to be "
+                f"control: the machine is held at the start by {held}, which needs to be "
                 f"within the limits, received {low} and {high}"
             )
         theta = float(reference.arc[0]) / self.weights.length_unit - self.length
@@ -256,16 +253,6 @@ class MPCC(HostController):
             self._lower,
             self._upper,
         )
-
-
-def _limit(name: str, value: ArrayLike | Sequence[float], inputs: int) -> Float[np.ndarray, " p"]:
-    bound = np.asarray(value, float)
-    if bound.shape not in ((), (1,), (inputs,)):
-        raise ValueError(
-            f"{name}: needs one number or one for each of {inputs} inputs, "
-            f"received shape {bound.shape}"
-        )
-    return np.broadcast_to(bound, (inputs,)).copy()
 
 
 def _check_positive(name: str, value: float) -> None:

@@ -1,10 +1,10 @@
 """Limits of a constrained controller, one pair of bounds per signal."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, Float
 
 from jcontour.linear.plant import LinearPlant
 from jcontour.qp.problem import check_limits
@@ -54,18 +54,26 @@ def full_limits(limits: Limits, model: LinearPlant) -> Limits:
     """
     n, p, m = model.states, model.inputs, model.axes
     sizes = {"control": p, "increment": p, "state": n, "output": m, "speed": m, "acceleration": m}
-    pairs: dict[str, Any] = {}
-    for name, size in sizes.items():
-        given = getattr(limits, name)
-        bounds = []
-        for bound in (-np.inf, np.inf) if given is None else given:
-            bound = np.asarray(bound, float)
-            if bound.ndim > 1 or (bound.ndim == 1 and bound.size != size):
-                raise ValueError(
-                    f"{name}: needs one bound or one per component, shape ({size},), "
-                    f"received {bound.shape}"
-                )
-            bounds.append(np.broadcast_to(bound, (size,)).copy())
-        check_limits(name, *bounds)
-        pairs[name] = tuple(bounds)
-    return Limits(**pairs)
+    return Limits(**{name: bounds(name, getattr(limits, name), k) for name, k in sizes.items()})
+
+
+def bounds(
+    name: str, given: Bounds | None, size: int
+) -> tuple[Float[np.ndarray, " size"], Float[np.ndarray, " size"]]:
+    """Lower and upper bounds as float vectors, infinite where nothing was given.
+
+    Raises:
+        ValueError: as `full_limits`, naming the signal.
+    """
+    vectors = []
+    for bound in (-np.inf, np.inf) if given is None else given:
+        bound = np.asarray(bound, float)
+        if bound.ndim > 1 or (bound.ndim == 1 and bound.size != size):
+            raise ValueError(
+                f"{name}: needs one bound or one per component, shape ({size},), "
+                f"received {bound.shape}"
+            )
+        vectors.append(np.broadcast_to(bound, (size,)).copy())
+    check_limits(name, *vectors)
+    lower, upper = vectors
+    return lower, upper

@@ -44,7 +44,7 @@ def test_residuals_are_their_definition(seed):
     primal = max(np.max(rows @ z - high), np.max(low - rows @ z), 0)
     dual = np.abs(qp.H @ z + qp.g + pull).max() / scale
     gap = abs(z @ qp.H @ z + qp.g @ z + np.where(forces > 0, high, low) @ forces) / scale
-    assert residuals(*qp, z, forces) == pytest.approx((primal, dual, gap), rel=1e-12)
+    assert residuals(qp, z, forces) == pytest.approx((primal, dual, gap), rel=1e-12)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -54,21 +54,21 @@ def test_a_multiplier_without_a_limit_is_no_answer(row, sign):
     inf = np.array([np.inf])
     free = QP(np.eye(1), np.array([-sign]), np.eye(1), -inf, inf, -inf, inf)
     multipliers = sign * np.array([0.0, 1.0] if row else [1.0, 0.0])
-    assert residuals(*free, np.zeros(1), multipliers) == (0.0, 1.0, 0.0)
+    assert residuals(free, np.zeros(1), multipliers) == (0.0, 1.0, 0.0)
 
 
 def test_a_cost_in_small_units_is_not_waved_through():
     qp = some_qp()
     small = qp._replace(H=1e-12 * qp.H, g=1e-12 * qp.g)
-    assert residuals(*small, np.full(4, 0.5), np.zeros(7))[1] > 0.1
+    assert residuals(small, np.full(4, 0.5), np.zeros(7))[1] > 0.1
 
 
 def test_nan_stays_nan():
     qp = some_qp()
     for name in ("H", "g", "C"):
         broken = qp._replace(**{name: np.full_like(getattr(qp, name), np.nan)})
-        assert np.isnan(residuals(*broken, np.zeros(4), np.ones(7))[1:]).all()
-    assert np.isnan(residuals(*qp, np.full(4, np.nan), np.zeros(7))).all()
+        assert np.isnan(residuals(broken, np.zeros(4), np.ones(7))[1:]).all()
+    assert np.isnan(residuals(qp, np.full(4, np.nan), np.zeros(7))).all()
 
 
 def test_unsolved_is_one_line_and_keeps_a_copy():

@@ -115,7 +115,7 @@ def test_against_all_active_sets(name):
             and solution.residual <= 1e-8
             and solution.solver == solver.name
         )
-        assert residuals(*qp, solution.z, solution.multipliers) == (
+        assert residuals(qp, solution.z, solution.multipliers) == (
             solution.primal_residual,
             solution.dual_residual,
             solution.duality_gap,

@@ -34,7 +34,7 @@ from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import follow, prepared
 from jcontour.simulation.evaluation import family_batching, stack_plants
-from tuning.precompensation import MORE, ROUNDS, Bounds, precompensate
+from tuning.precompensation import MORE, ROUNDS, Bounds, Prices, precompensate
 
 TRIES = 4  # of a roughness, each ten times the last
 MOST_ROUNDS = MORE * ROUNDS
@@ -124,8 +124,7 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
                 family,
                 controller,
                 reference,
-                part,
-                roughness=price,
+                Prices(part, roughness=price),
                 held=stays,
                 bounds=bounds,
                 tell=lambda number: done(1),

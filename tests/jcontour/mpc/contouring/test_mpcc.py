@@ -135,9 +135,7 @@ def test_slows_down_at_a_corner():
 
 
 def test_starts_where_the_reference_does_and_within_tight_limits():
-    controller = MPCC(
-        table(), lobes(), lower=(-0.4, -0.3), upper=0.35, speed_limit=0.08, horizon=10
-    )
+    controller = MPCC(table(), lobes(), control=((-0.4, -0.3), 0.35), speed_limit=0.08, horizon=10)
     run = reported_loop(table(), controller, at_start(lobes(), 0.004, 2000, arc=0.1)).rollout
     assert (
         float(controller.arc(run.memory)[0]) == pytest.approx(0.1)
@@ -237,8 +235,8 @@ def test_drives_that_take_a_position_are_held_where_the_run_begins():
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: lobe_controller(lower=0.6), "lower, upper"),
-        (lambda: lobe_controller(lower=(1.0, 2.0, 3.0)), "lower"),
+        (lambda: lobe_controller(control=(0.6, 0.5)), "control"),
+        (lambda: lobe_controller(control=((1.0, 2.0, 3.0), 4.0)), "control"),
         (lambda: lobe_controller(speed_limit=0.0), "speed_limit"),
         (lambda: lobe_controller(horizon=0), "horizon"),
         (lambda: lobe_controller(arrival=-1.0), "arrival"),
@@ -263,7 +261,7 @@ def test_drives_that_take_a_position_are_held_where_the_run_begins():
             "start on the path",
         ),
         (
-            lambda: lobe_controller(lower=0.1).initial_memory(at_start(lobes(), 0.004, 5)),
+            lambda: lobe_controller(control=(0.1, 0.5)).initial_memory(at_start(lobes(), 0.004, 5)),
             "held at the start by",
         ),
     ],
