@@ -472,15 +472,7 @@ def _base(law: StreamingLaw, rounding: float) -> Base:
         NotAffine: a law that needs a control to stand is not the same from every place.
     """
     stands = np.max(np.abs(law.hold), initial=0.0) > 0.0
-    if not _balanced(law, rounding):
-        if stands:
-            raise NotAffine("its control at rest is not that of the place where a run begins")
-        return "origin"
-    return "start" if stands else "reference"
-
-
-def _balanced(law: StreamingLaw, rounding: float) -> bool:
-    """Whether rest at one place is rest at any other, up to rounding."""
+    # rest at one place is rest at any other, up to rounding, where all pairs agree
     S, M, U, m = law.still, law.seen, law.hold, law.axes
     pairs = []
     x = S if law.states else M
@@ -508,8 +500,12 @@ def _balanced(law: StreamingLaw, rounding: float) -> bool:
                 back = back + matrix @ signal
         pairs.append((G - back, U if np.any(U) else np.zeros_like(U)))
     moved = np.isfinite(law.kept) & np.any(S != 0.0, axis=1) if law.states else np.zeros(0, bool)
-    return not moved.any() and all(
+    if not moved.any() and all(
         np.abs(one - other).max(initial=0.0)
         <= rounding * max(1.0, np.abs(one).max(initial=0.0), np.abs(other).max(initial=0.0))
         for one, other in pairs
-    )
+    ):
+        return "start" if stands else "reference"
+    if stands:
+        raise NotAffine("its control at rest is not that of the place where a run begins")
+    return "origin"

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from jcontour._arrays import is_concrete
 from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product, spectral_radius
@@ -216,19 +216,6 @@ def _holding_stiffness(plant: LinearPlant, entry: Float[np.ndarray, "n m"]) -> n
     return stiffness
 
 
-def _integrates(plant: LinearPlant) -> Bool[np.ndarray, " m"]:
-    """Axes whose part of the plant has an integrator, a pole at one.
-
-    The drives of the others take positions.
-    """
-    integrates = np.zeros(plant.axes, bool)
-    for axis in decoupled_axes(plant.pattern):
-        rows = np.array(axis.states)
-        poles = np.linalg.eigvals(np.asarray(plant.A)[np.ix_(rows, rows)])
-        integrates[list(axis.outputs)] = np.abs(poles - 1).min() < INTEGRATOR
-    return integrates
-
-
 def with_dry_friction(
     plant: LinearPlant,
     entry: Float[np.ndarray, "n m"],
@@ -245,7 +232,12 @@ def with_dry_friction(
         ValueError: a force is negative or not finite.
     """
     A, C = np.asarray(plant.A), np.asarray(plant.C)
-    integrates = _integrates(plant)
+    # axes whose part of the plant has a pole at one; the drives of the others take positions
+    integrates = np.zeros(plant.axes, bool)
+    for axis in decoupled_axes(plant.pattern):
+        rows = np.array(axis.states)
+        poles = np.linalg.eigvals(np.asarray(plant.A)[np.ix_(rows, rows)])
+        integrates[list(axis.outputs)] = np.abs(poles - 1).min() < INTEGRATOR
     sliding, held = (
         Friction(np.where(some, np.asarray(force), 0.0), 0.0, 1.0, 0.0)
         for some in (integrates, ~integrates)

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.linear.small_matrices import small_inverse
@@ -107,7 +107,11 @@ def blockwise_plan(
     """
     steps, pack = Q.shape[0] - preview, packing(model.pattern)
     maps = stage_maps(model.pattern, model.A, model.B, model.C)
-    rows = jnp.moveaxis(cost_entries(Q, y_d)[:, _seen(steps, preview)], 1, 0)
+    # samples of every block, its steps first, then those ahead of its last step; the first block
+    # may begin before the run, and its idle steps look at sample 0
+    begins = steps - preview * jnp.arange(-(-steps // preview), 0, -1)
+    seen = jnp.maximum(jnp.add.outer(jnp.arange(2 * preview - 1), begins), 0)
+    rows = jnp.moveaxis(cost_entries(Q, y_d)[:, seen], 1, 0)
 
     def back(H, cost):
         stage = packed_stage(pack, maps, R, H)
@@ -123,16 +127,6 @@ def blockwise_plan(
     K = jnp.moveaxis(K, -1, 1)
     F = K[..., np.argsort(pack.order)]
     return AffinePlan(_in_time(F, steps), _in_time(-K[..., -1], steps))
-
-
-def _seen(steps: int, preview: int) -> Int[Array, "seen blocks"]:
-    """Samples of every block, its steps first, then those ahead of its last step.
-
-    The first block may begin before the run; its idle steps look at sample 0.
-    """
-    blocks = -(-steps // preview)
-    begins = steps - preview * jnp.arange(blocks, 0, -1)
-    return jnp.maximum(jnp.add.outer(jnp.arange(2 * preview - 1), begins), 0)
 
 
 def _in_time(rows: Float[Array, "N_p blocks *rest"], steps: int) -> Float[Array, "T *rest"]:

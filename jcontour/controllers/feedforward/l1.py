@@ -124,20 +124,38 @@ def _grown(problem: ModelMatching, circle: Circle) -> tuple[Polynomial, float]:
 
 def _program(problem: ModelMatching, circle: Circle, count: int) -> tuple[Polynomial, float, bool]:
     """Taps, bound, and whether no longer filter is better."""
-    conditions = _conditions(problem, circle, count)
-    response, multipliers = _solved(conditions)
-    missed = max(problem.misses(response), _misses(problem, circle, response))
-    if missed > MISSED * max(float(np.abs(response).sum()), 1.0):
-        raise ValueError(f"taps: no filter of {count} taps meets the conditions")
-    return response, _bound(conditions, multipliers), _beyond(conditions, multipliers) <= 1
-
-
-def _misses(problem: ModelMatching, circle: Circle, taps: Polynomial) -> float:
-    """Largest error of E = M on the unit circle."""
-    model = polynomial.polyval(circle, problem.numerator) / polynomial.polyval(
+    # conditions with orthonormal rows, repeated ones left out, then those of the circle
+    samples = problem.powers(count) if problem.zeros.size else np.zeros((0, count), complex)
+    wanted = problem.model @ problem.one if problem.zeros.size else np.zeros(0, complex)
+    rest = 0.0
+    if problem.zeros.size:
+        rest = float(np.linalg.norm(problem.shift @ samples[:, -1]))
+    both = np.concatenate([np.real(samples), np.imag(samples)])
+    left, sizes, rows = np.linalg.svd(both, full_matrices=False)
+    kept = sizes > RANK_TOLERANCE * max(float(np.max(sizes, initial=0.0)), 1e-300)
+    back = left[:, kept] / sizes[kept]
+    values = back.T @ np.concatenate([np.real(wanted), np.imag(wanted)])
+    rows, lasting = rows[kept], np.zeros(int(kept.sum()))
+    targets = polynomial.polyval(circle, problem.numerator) / polynomial.polyval(
         circle, problem.denominator
     )
-    return float(np.max(np.abs(polynomial.polyval(circle, taps) - model), initial=0.0))
+    for zero, value in zip(circle, targets, strict=True):
+        powers = zero ** np.arange(count)
+        parts = ((np.real(powers), np.real(value)), (np.imag(powers), np.imag(value)))
+        for row, target in parts[: 1 if np.imag(zero) == 0 else 2]:
+            rows, values = np.vstack([rows, row]), np.append(values, target)
+            lasting = np.append(lasting, 1.0)
+    back = np.concatenate([back, np.zeros((len(back), lasting.size - back.shape[1]))], axis=1)
+    conditions = _Conditions(rows, values, back, rest, lasting)
+    response, multipliers = _solved(conditions)
+    off_circle = np.abs(polynomial.polyval(circle, response) - targets)
+    missed = max(problem.misses(response), float(np.max(off_circle, initial=0.0)))
+    if missed > MISSED * max(float(np.abs(response).sum()), 1.0):
+        raise ValueError(f"taps: no filter of {count} taps meets the conditions")
+    # the bound: the value of the multipliers, scaled until they are feasible for every k
+    beyond = _beyond(conditions, multipliers)
+    feasible = max(1.0, float(np.max(np.abs(multipliers @ rows), initial=0.0)), beyond)
+    return response, float(values @ multipliers) / feasible, beyond <= 1
 
 
 def _upper(on_circle: Zeros | Sequence[complex | float]) -> Circle:
@@ -157,32 +175,6 @@ def _first_count(problem: ModelMatching, circle: Circle) -> int:
         sample, count = problem.shift @ sample, count + 1
     on_circle = int(np.sum(np.where(np.imag(circle) == 0, 1, 2)))
     return max(count, 2 * problem.zeros.size, 2) + on_circle
-
-
-def _conditions(problem: ModelMatching, circle: Circle, count: int) -> _Conditions:
-    """The conditions with orthonormal rows, repeated ones left out, then those of the circle."""
-    samples = problem.powers(count) if problem.zeros.size else np.zeros((0, count), complex)
-    wanted = problem.model @ problem.one if problem.zeros.size else np.zeros(0, complex)
-    rest = 0.0
-    if problem.zeros.size:
-        rest = float(np.linalg.norm(problem.shift @ samples[:, -1]))
-    both = np.concatenate([np.real(samples), np.imag(samples)])
-    left, sizes, rows = np.linalg.svd(both, full_matrices=False)
-    kept = sizes > RANK_TOLERANCE * max(float(np.max(sizes, initial=0.0)), 1e-300)
-    back = left[:, kept] / sizes[kept]
-    values = back.T @ np.concatenate([np.real(wanted), np.imag(wanted)])
-    rows, lasting = rows[kept], np.zeros(int(kept.sum()))
-    for zero in circle:
-        powers = zero ** np.arange(count)
-        value = polynomial.polyval(zero, problem.numerator) / polynomial.polyval(
-            zero, problem.denominator
-        )
-        parts = ((np.real(powers), np.real(value)), (np.imag(powers), np.imag(value)))
-        for row, target in parts[: 1 if np.imag(zero) == 0 else 2]:
-            rows, values = np.vstack([rows, row]), np.append(values, target)
-            lasting = np.append(lasting, 1.0)
-    back = np.concatenate([back, np.zeros((len(back), lasting.size - back.shape[1]))], axis=1)
-    return _Conditions(rows, values, back, rest, lasting)
 
 
 def _solved(conditions: _Conditions) -> tuple[Polynomial, Float[np.ndarray, " r"]]:
@@ -217,10 +209,3 @@ def _beyond(conditions: _Conditions, multipliers: Float[np.ndarray, " r"]) -> fl
     """Bound on the dual's samples beyond the last tap."""
     lasting = np.abs(multipliers * conditions.lasting).sum()
     return float(lasting + np.linalg.norm(conditions.back @ multipliers) * conditions.rest)
-
-
-def _bound(conditions: _Conditions, multipliers: Float[np.ndarray, " r"]) -> float:
-    """Value of the multipliers, scaled until they are feasible for every k."""
-    largest = np.max(np.abs(multipliers @ conditions.rows), initial=0.0)
-    feasible = max(1.0, float(largest), _beyond(conditions, multipliers))
-    return float(conditions.values @ multipliers) / feasible

@@ -253,7 +253,28 @@ def read_block(line: str) -> Block:
 def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
     cursor.take(LINE_NUMBER)
     if cursor.starts("o") or cursor.starts("O"):
-        return Block(flow=_read_o_word(cursor))
+        cursor.at += 1
+        digits = cursor.take(DIGITS)
+        name = None if digits else cursor.take(NAME)
+        if digits:
+            label = str(int(digits[0][:20]))
+        elif name:
+            label = f"<{name[1].lower()}>"
+        elif cursor.starts("[") or cursor.starts("#"):
+            label = read_value(cursor)
+        else:
+            raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
+        match = cursor.take(KEYWORD)
+        keyword = match[0].lower() if match else ""
+        values: list[Expression] = []
+        while cursor.starts("[") and keyword:
+            values.append(read_bracket(cursor))
+        if not cursor.ended:
+            raise ToolpathError(f"cannot read {shown(cursor.rest)} behind an O-word")
+        least, most = BRACKETS.get(keyword, (0, 0))
+        if not least <= len(values) <= most:
+            raise ToolpathError(f"O-word {keyword!r} with {len(values)} values in brackets")
+        return Block(flow=OWord(keyword, label, tuple(values)))
     words: list[tuple[str, float | Expression]] = []
     settings: list[tuple[Key, Expression]] = []
     while not cursor.ended:
@@ -275,28 +296,3 @@ def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
             words.append((letter[0].upper(), float(number[2])))
             cursor.at = number.end()
     return Block(tuple(words), tuple(settings))
-
-
-def _read_o_word(cursor: Cursor) -> OWord:
-    cursor.at += 1
-    digits = cursor.take(DIGITS)
-    name = None if digits else cursor.take(NAME)
-    if digits:
-        label = str(int(digits[0][:20]))
-    elif name:
-        label = f"<{name[1].lower()}>"
-    elif cursor.starts("[") or cursor.starts("#"):
-        label = read_value(cursor)
-    else:
-        raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
-    match = cursor.take(KEYWORD)
-    keyword = match[0].lower() if match else ""
-    values: list[Expression] = []
-    while cursor.starts("[") and keyword:
-        values.append(read_bracket(cursor))
-    if not cursor.ended:
-        raise ToolpathError(f"cannot read {shown(cursor.rest)} behind an O-word")
-    least, most = BRACKETS.get(keyword, (0, 0))
-    if not least <= len(values) <= most:
-        raise ToolpathError(f"O-word {keyword!r} with {len(values)} values in brackets")
-    return OWord(keyword, label, tuple(values))

@@ -31,7 +31,27 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
             )
         return machine.first_feed * 60.0 / unit
     if isinstance(key, int):
-        return _numbered(machine, key)
+        unit, offsets = machine.modes.unit, machine.offsets
+        at_axis = {
+            5021: (machine.at, unit),
+            5081: (offsets.tool, unit),
+            5161: (machine.homes[280], MM),
+            5181: (machine.homes[300], MM),
+            5211: (offsets.kept_shift, MM),
+            5420: (offsets.in_program(machine.at), unit),
+        }
+        for first, (point, length) in at_axis.items():
+            if first <= key < first + AXES:
+                return point[key - first] / length
+        alone = {5210: offsets.shifted, 5220: offsets.system, 5400: machine.tool}
+        if key in alone:
+            return float(alone[key])
+        system, axis = divmod(key - 5221, 20)
+        if 0 <= system < len(offsets.origins) and axis < AXES:
+            return offsets.origins[system][axis] / MM
+        if 0 <= system < len(offsets.origins) and axis == ROTATION:
+            return math.degrees(offsets.angles[system])
+        return None
     if not key.startswith("_"):
         return None
     if key in STANDING:
@@ -65,30 +85,6 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
         "_vminor": RELEASE,
     }
     return float(values[key]) if key in values else None
-
-
-def _numbered(machine: Machine, key: int) -> float | None:
-    unit, offsets = machine.modes.unit, machine.offsets
-    at_axis = {
-        5021: (machine.at, unit),
-        5081: (offsets.tool, unit),
-        5161: (machine.homes[280], MM),
-        5181: (machine.homes[300], MM),
-        5211: (offsets.kept_shift, MM),
-        5420: (offsets.in_program(machine.at), unit),
-    }
-    for first, (point, length) in at_axis.items():
-        if first <= key < first + AXES:
-            return point[key - first] / length
-    alone = {5210: offsets.shifted, 5220: offsets.system, 5400: machine.tool}
-    if key in alone:
-        return float(alone[key])
-    system, axis = divmod(key - 5221, 20)
-    if 0 <= system < len(offsets.origins) and axis < AXES:
-        return offsets.origins[system][axis] / MM
-    if 0 <= system < len(offsets.origins) and axis == ROTATION:
-        return math.degrees(offsets.angles[system])
-    return None
 
 
 def warnings_of(machine: Machine, stops: Sequence[Stop]) -> tuple[str, ...]:
