@@ -156,11 +156,9 @@ def peak_frequencies(
 
 
 def _places(poles: Complex[np.ndarray, "*loops N"]) -> Float[np.ndarray, "*loops F"]:
-    """Logarithms of the grid, then of some frequencies for each pair of poles.
-
-    They stand at the angle of the pair and at multiples of its distance from the unit circle on
-    either side: zeros beside the pair move its peak by several times its width.
-    """
+    """Logarithms of the grid, then of some frequencies for each pair of poles."""
+    # at the angle of each pair and at multiples of its distance from the unit circle: zeros beside
+    # the pair move its peak by several times its width
     pairs = min(poles.shape[-1] // 2, GRID.size - 2)
     unused = np.sqrt(GRID[1:-1] * GRID[2:])[GRID.size - 2 - pairs :]
     angle = np.angle(poles)
@@ -182,10 +180,8 @@ def _places(poles: Complex[np.ndarray, "*loops N"]) -> Float[np.ndarray, "*loops
 def _highest(
     places: Float[np.ndarray, "*loops F"], values: Float[np.ndarray, "*loops F 2"]
 ) -> Brackets:
-    """Highest local maxima of both curves, REFINED of each, and their neighbours.
-
-    Beyond pi a curve is its own reflection.
-    """
+    """Highest local maxima of both curves, REFINED of each, and their neighbours."""
+    # beyond pi a curve is its own reflection
     mirrored = np.log(2 * np.pi - np.exp(places[..., -2:-1]))
     places = np.concatenate([places[..., :1] - 1, places, mirrored], axis=-1)
     values = np.concatenate([values[..., :1, :], values, values[..., -2:-1, :]], axis=-2)
@@ -234,11 +230,9 @@ def _vertex(brackets: Brackets) -> Float[np.ndarray, "*loops 2 R"]:
 
 
 def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops"], curve: int):
-    """Largest singular value of S (curve 0) or T (1) at one frequency, and its slope.
-
-    d_u is added to the control, J d_y to what the controller reads. T_u is the answer of the
-    control to d_u, T_y that of the positions to d_y; S = I + T.
-    """
+    """Largest singular value of S (curve 0) or T (1) at one frequency, and its slope."""
+    # d_u is added to the control, J d_y to what the controller reads; T_u is the answer of the
+    # control to d_u, T_y that of the positions to d_y; S = I + T
     (_, B, H), (W, E, K, D) = loop
     p, c, r = B.shape[-1], W.shape[-1], len(encoding.read)
     J = encoding.at(z)
@@ -259,10 +253,7 @@ def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops
 
 
 def _singular(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
-    """Largest singular value of a block of one I + T.
-
-    Then its left vector, conjugate, and its right vector, among zeros.
-    """
+    """Largest singular value of a block of one I + T."""
     block = T[..., rows, rows]
     size = block.shape[-1]
     u, v = np.zeros(T.shape[:-1], complex), np.zeros(T.shape[:-1], complex)

@@ -178,10 +178,7 @@ def _cut_loops(
 
 
 def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int | None]:
-    """Factor on one control at which the first frozen loop loses stability, and that loop.
-
-    The search goes from 1 in steps of `factor`.
-    """
+    """Factor on one control at which the first frozen loop loses stability, and that loop."""
     steps, _, inputs = loops.B.shape
     every = np.arange(steps)
     rows = np.unique(np.linspace(0, steps - 1, min(PROBED_LOOPS, steps)).astype(int))

@@ -100,11 +100,7 @@ def _called(params: dict[str, Any]) -> ClosedJaxpr | None:
 
 
 def _moved(equation: Any, operands: list[_Value]) -> _Value:
-    """The result of an operation on moving values, which is MOVING.
-
-    Raises:
-        NotAffine: the operation is not linear.
-    """
+    """The result of an operation on moving values, which is MOVING."""
     name = equation.primitive.name
     moving = [one.moving for one in operands]
     linear = (

@@ -106,10 +106,8 @@ def _beside_lines(
     across: np.ndarray,
     along: np.ndarray,
 ) -> np.ndarray:
-    """Largest distance to one line of a plane path (T,); infinite beside other pieces.
-
-    It is convex, so that one of the four corners of where the tool may be is farthest.
-    """
+    """Largest distance to one line of a plane path (T,); infinite beside other pieces."""
+    # it is convex: one of the four corners of where the tool may be is farthest
     bent = _largest_second_derivative(contour)
     piece = _piece_at(contour, arcs[:, arcs.shape[1] // 2])
     if contour.axes != 2:

@@ -130,12 +130,9 @@ def _swept(
     rows: Float[Array, "B K r N"],
     block: int,
 ) -> tuple[Float[Array, "B K r"], Float[Array, "B K r N"]]:
-    """Sums back to the begin of the block before, and the rows carried back to there.
-
-    `rows` are those of the first K samples of every block. All rows of a block pass the same
-    matrices, so that a step is one product for all of them; a row joins at its own sample. Beyond
-    both ends of the run the state rests.
-    """
+    """Sums back to the begin of the block before, and the rows carried back to there."""
+    # all rows of a block pass the same matrices: a step is one product for all of them; a row joins
+    # at its own sample; beyond both ends of the run the state rests
     T, N = E.shape[:2]
     count, joining = rows.shape[:2]
     rest = jnp.broadcast_to(jnp.eye(N, dtype=M.dtype), (block, N, N))

@@ -374,11 +374,7 @@ def _stationary(
 
 
 def _observed(controller: Observer, law: StreamingLaw) -> StreamingLaw:
-    """The law fed an estimate; the predictor's correction comes after its control.
-
-    Raises:
-        NotAffine: the law behind the observer remembers something itself.
-    """
+    """The law fed an estimate; the predictor's correction comes after its control."""
     if law.states:
         raise NotAffine(
             f"{type(controller).__name__}: the controller behind it has a memory of its own"
@@ -466,11 +462,7 @@ def _some(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def _base(law: StreamingLaw, rounding: float) -> Base:
-    """What positions count from: see the module.
-
-    Raises:
-        NotAffine: a law that needs a control to stand is not the same from every place.
-    """
+    """What positions count from: see the module."""
     stands = np.max(np.abs(law.hold), initial=0.0) > 0.0
     # rest at one place is rest at any other, up to rounding, where all pairs agree
     S, M, U, m = law.still, law.seen, law.hold, law.axes

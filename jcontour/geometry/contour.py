@@ -209,10 +209,7 @@ def unpadded(contour: Contour) -> Piece:
 
 
 def _nearest(contour: Contour, point, arc, reach):
-    """Nearest points for `Contour.nearest`, all points in step.
-
-    Every point walks through the pieces that its window overlaps.
-    """
+    """Nearest points for `Contour.nearest`, all points in step."""
     dtype = jnp.result_type(contour.start, point, arc, reach)
     shape = jnp.broadcast_shapes(point.shape[:-1], arc.shape, reach.shape)
     arc = jnp.broadcast_to(contour.within(arc).astype(dtype), shape)
@@ -280,10 +277,8 @@ def _turning(
     rate: Float[np.ndarray, " P"],
     extent: Float[np.ndarray, " P"],
 ) -> Float[np.ndarray, "P m 2"]:
-    """Where the wave of every piece is largest and least in every axis [m]; NaN where it is not.
-
-    The wave is c cos(rate s) + d sin(rate s); its extremes are at rate s = atan2(d, c) + k pi.
-    """
+    """Where the wave of every piece is largest and least in every axis [m]; NaN where it is not."""
+    # extremes of c cos(rate s) + d sin(rate s) are at rate s = atan2(d, c) + k pi
     angle = np.sign(rate)[:, None, None] * np.arctan2(sine, cosine)[..., None]
     turn = np.abs(rate)[:, None, None]
     waves = turn > 0

@@ -355,10 +355,7 @@ def _ends(pieces: Piece) -> Float[np.ndarray, "2 m"]:
 
 
 def _turn(start, radial, normal, angle: float, rise: float) -> Contour:
-    """Arc or helix around the axis through start - radial along the unit normal.
-
-    `start` has two or three axes, the others have three.
-    """
+    """Arc or helix around the axis through start - radial along the unit normal."""
     axes, extent = start.size, np.hypot(np.linalg.norm(radial) * angle, rise)
     polynomial = np.zeros((1, 6, axes))
     polynomial[0, 0], polynomial[0, 1] = start - radial[:axes], (rise / extent * normal)[:axes]

@@ -132,10 +132,7 @@ class Piece(NamedTuple):
         return _dot(gap, gap)
 
     def _projection(self, point, low, high):
-        """Arc length in [low, high] nearest to the point on the axis of a line or helix.
-
-        It is the middle of the interval where a piece has no straight part.
-        """
+        """Arc length in [low, high] nearest to the point on the axis of a line or helix."""
         direction = self.polynomial[..., 1, :]
         speed = _dot(direction, direction)
         straight = speed > 0

@@ -229,10 +229,7 @@ def read_csv(path: str | PathLike[str], feed: float) -> Toolpath:
 
 
 def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, " P"]:
-    """Rest at the end of every piece, the first of which is a move [s]; NaN where it goes on.
-
-    Under G61 it comes to rest in corners alone.
-    """
+    """Rest at the end of every piece, the first of which is a move [s]; NaN where it goes on."""
     rest = np.full(contour.rate.size, np.nan)
     exact = any(stop.why == "G61" for stop in stops)
     corner = np.append(_turned(contour) > CORNER, True) if exact else None

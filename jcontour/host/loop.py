@@ -214,10 +214,7 @@ def _advanced(plant: Plant, state, control):
 
 
 def _with_numbers(function: Callable, modules: tuple) -> tuple[list, Callable]:
-    """The modules' numbers, and the function of (numbers, ...) that they are given to.
-
-    It is compiled once for all modules of the same structure.
-    """
+    """The modules' numbers, and the function of (numbers, ...) that they are given to."""
     arrays, static = eqx.partition(modules, eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
     return leaves, _compiled(function, tree, static)

@@ -90,11 +90,7 @@ def machine_run(
 
 
 def _driven(plant, start, around, gains, pushes) -> MachineRun:
-    """The machine under v = push + K (z - around), and the models along its run.
-
-    Raises:
-        ValueError: it is not finite.
-    """
+    """The machine under v = push + K (z - around), and the models along its run."""
     rows = (jnp.asarray(around[:-1]), jnp.asarray(gains), jnp.asarray(pushes))
     states, controls = _scanned(plant, start, rows)
     models = _linearised(plant, states[:-1], controls)

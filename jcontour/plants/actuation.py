@@ -201,10 +201,8 @@ class ElastoplasticFriction(Remembering):
 
 
 def _holding_stiffness(plant: LinearPlant, entry: Float[np.ndarray, "n m"]) -> np.ndarray:
-    """Half of the stiffness at which a drive is at the limit of stability, by axis.
-
-    Under f = s y the loop has the matrix A - s E C; s is looked for over its inverse gain.
-    """
+    """Half of the stiffness at which a drive is at the limit of stability, by axis."""
+    # under f = s y the loop has the matrix A - s E C; s is looked for over its inverse gain
     A, C = np.asarray(plant.A), np.asarray(plant.C)
     stiffness = np.zeros(len(C))
     for k, (column, row) in enumerate(zip(entry.T, C, strict=True)):

@@ -247,10 +247,8 @@ def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
 
 
 def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
-    """The guess, with mu from what leads from there to the minimum without limits.
-
-    Where that minimum is within the limits it is the answer, and no iteration follows.
-    """
+    """The guess, with mu from what leads from there to the minimum without limits."""
+    # where the minimum without limits is within them it is the answer, and no iteration follows
     at = rollout(qp, guess)
     slope = slopes(qp, at)
     free = step_of(qp, factorised(qp, qp.H, *slope))
@@ -315,11 +313,7 @@ def _progress(qp: StagedQP, point: Point, limits: Limits, count):
 
 
 def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
-    """Largest slope of the Lagrangian with a control, over the largest term in it.
-
-    The slopes H v and h cancel where the machine rests where it should: what their rounding leaves
-    is no slope (`_rounding`).
-    """
+    """Largest slope of the Lagrangian with a control, over the largest term in it."""
     n = qp.x0.size
     cost, limited = slopes(qp, at), pulled(qp, multipliers)
     behind = costates(qp, summed(cost, limited))
@@ -331,11 +325,9 @@ def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
 
 
 def _rounding(dtype) -> float:
-    """Least scale of a slope, over its terms before they cancel.
-
-    At rest in its place the slopes H v and h of a machine cancel to the last digits. A slope of
-    `ROUNDINGS` of these then has the residual `SOLVED`.
-    """
+    """Least scale of a slope, over its terms before they cancel."""
+    # at rest in its place the slopes H v and h of a machine cancel to the last digits: a slope of
+    # `ROUNDINGS` of these has the residual `SOLVED`
     return ROUNDINGS * float(np.finfo(dtype).eps) / SOLVED
 
 

@@ -216,11 +216,7 @@ def solver_named(name: str) -> Solver:
 def _best_checked(
     solver: str, status: str, qp: QP, candidates: list[tuple[np.ndarray, np.ndarray, int]]
 ) -> Solution:
-    """The first answer (z, multipliers, iterations) that passes, as it is or polished.
-
-    Raises:
-        Unsolved: none does.
-    """
+    """The first answer (z, multipliers, iterations) that passes, as it is or polished."""
     best = (np.nan, np.nan, np.nan)
     for z, multipliers, iterations in candidates:
         for answer in ((z, multipliers), polished(qp, z, multipliers)):
@@ -268,12 +264,7 @@ class _Stacked:
         self._shape = None
 
     def limits(self, solver: str, qp: QP):
-        """(lower, upper, sense).
-
-        Raises:
-            ValueError: an array has the wrong shape.
-            Unsolved: a number is NaN, an entry of H, g or C is infinite, or limits are crossed.
-        """
+        """(lower, upper, sense)."""
         if qp.C.shape != self._shape:
             check_shapes(qp)
             size = sum(qp.C.shape)

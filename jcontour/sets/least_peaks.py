@@ -223,11 +223,9 @@ def least_peak(
 
 
 def _rough(program: PeakProgram) -> tuple[OptimizeResult, Float[np.ndarray, " n"]]:
-    """First optimum and its scales of the states, by which the solver finds an answer.
-
-    Tried are states of one, those of the largest push of a disturbance, and those of a response
-    that keeps the limits, which is found even where the numbers are of very different sizes.
-    """
+    """First optimum and its scales of the states, by which the solver finds an answer."""
+    # with states of one, of the largest push, and of a response that keeps the limits, which is
+    # found even where the numbers are of very different sizes
     sizes = np.abs(program.model.E).max(axis=1)
     sizes = np.where(sizes > 0, sizes, 1.0)
     for scales in (np.ones(program.model.states), sizes):

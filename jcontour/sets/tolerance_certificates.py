@@ -110,11 +110,9 @@ def _kept(
     limit: float,
     share: float,
 ) -> tuple[sparse.csr_array, Float[np.ndarray, " rows"]]:
-    """Rows over x_0..x_T, u_0..u_{T-1} and the tolerance, and their bounds.
-
-    |c x + d u - middle| <= limit + share * tolerance at every sample; states before the disturbance
-    acts, of which the largest one takes its share of the limit but at the first sample.
-    """
+    """Rows over x_0..x_T, u_0..u_{T-1} and the tolerance, and their bounds."""
+    # |c x + d u - middle| <= limit + share * tolerance at every sample; before the disturbance acts
+    # the largest state takes its share of the limit but at the first sample
     T, effect = len(acting), signal.state @ model.E
     loss = np.full(T + 1, np.abs(effect).sum())
     loss[0] = 0.0

@@ -75,11 +75,9 @@ def outrun(contour: Contour, score: Score, progress: Float[ArrayLike, " T"]) -> 
 
 @jax.jit
 def _followed(contour: Contour, output, start, times):
-    """Nearest point of every sample, each sought around the one before, and the distance to it.
-
-    It goes no further than the tool may have moved, and on a closed path no further than half a
-    lap: start and end coincide there, laps unroll.
-    """
+    """Nearest point of every sample, each sought around the one before, and the distance to it."""
+    # no further than the tool may have moved; on a closed path no further than half a lap, as start
+    # and end coincide there
 
     def advance(carry, samples):
         arc, error = carry
@@ -98,10 +96,7 @@ def _followed(contour: Contour, output, start, times):
 
 
 def _foot(contour: Contour, here, arc, reach, sense):
-    """Nearest point within reach to one side of `arc`, and the distance to it.
-
-    `sense` is 1 for the way ahead and -1 for the way behind.
-    """
+    """Nearest point within reach to one side of `arc`, and the distance to it."""
     left = contour.length - arc if sense > 0 else arc
     half = 0.5 * jnp.minimum(reach, jnp.where(contour.closed, 0.5 * contour.length, left))
     middle = arc + sense * half
@@ -113,11 +108,9 @@ def _foot(contour: Contour, here, arc, reach, sense):
 
 
 def _times(contour: Contour) -> float:
-    """How many times step and error a nearest point may jump: at the sharpest corner of the path.
-
-    Where a tool leaves a leg of a corner of the angle a by e, the point of the other leg that is as
-    near is 2 e / tan(a / 2) further. Below `RETURN` both legs count as one line.
-    """
+    """How many times step and error a nearest point may jump, at the sharpest corner."""
+    # the point of the other leg of a corner of angle a is 2 e / tan(a / 2) further; below `RETURN`
+    # both legs count as one line
     mask = np.asarray(contour.mask)
     pieces = jax.tree.map(lambda rows: rows[mask], contour.pieces)
     ends = [np.asarray(pieces.jet(at)[1]) for at in (pieces.extent, 0.0 * pieces.extent)]

@@ -87,10 +87,8 @@ class InverseFeedforward(Wrapper):
     def _feedback(
         self, reference: Reference, inner: Plan, nominal: Float[Array, "both p"]
     ) -> Float[Array, "T p"]:
-        """What the feedback would give along the nominal motion.
-
-        The nominal machine sets out `preview` samples before the run, in its steady motion.
-        """
+        """What the feedback would give along the nominal motion."""
+        # the nominal machine sets out `preview` samples before the run, in its steady motion
         early, increment = self.ahead.preview, reference.start_increment
         start = self.machine.initial_state(reference.position[0] - early * increment, increment)
 

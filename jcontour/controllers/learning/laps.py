@@ -362,11 +362,8 @@ def answers(
 def _member(
     law: LearningLaw, linear: Callable[[Any], Any], shape: tuple[int, int]
 ) -> tuple[list[Float[np.ndarray, "K m m"]], bool]:
-    """Answers of the iteration to impulses, and whether it is the same at every sample.
-
-    It is if it commutes with a shift by one sample. A random signal shows that: one that does not
-    is seen with probability one.
-    """
+    """Answers of the iteration to impulses, and whether it is the same at every sample."""
+    # it is if it commutes with a shift by one sample; a random signal shows it with probability one
     steps, axes = shape
     places = [steps // 4, steps // 2, 3 * steps // 4]
     middle = slice(places[0], places[-1])

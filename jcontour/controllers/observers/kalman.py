@@ -263,10 +263,7 @@ def kalman_gain(
 
 @jax.jit
 def _designed(A, B, C, control_noise, measurement_noise):
-    """Dual equation A', C', W and V, which is not checked, and the gain of its solution.
-
-    The largest deviation of the measurement is the unit.
-    """
+    """Dual equation A', C', W and V, which is not checked, and the gain of its solution."""
     deviation = jnp.broadcast_to(measurement_noise, (C.shape[0],))
     unit = jnp.max(deviation)
     B = B * jnp.atleast_2d(control_noise) / unit

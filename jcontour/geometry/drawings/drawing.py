@@ -154,11 +154,9 @@ class _Ends:
 
 
 def _meeting(contour: Stroke, gap: float) -> Stroke:
-    """The contour with its gaps closed.
-
-    Each segment is turned and scaled so that it begins where the one before ends. One that curls
-    is left as it is, and a line closes the gap.
-    """
+    """The contour with its gaps closed."""
+    # a segment is turned and scaled to begin where the one before ends; one that curls is left, a
+    # line closes the gap
     meeting: Stroke = []
     closes = is_closed(contour, gap)
     first, last = contour[0].segment.start, len(contour) - 1

@@ -118,11 +118,7 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
 
 
 def _document(path: str | PathLike[str], text: str) -> "Document":
-    """Content of a file; one with faults that move no point is mended.
-
-    Raises:
-        ToolpathError: no DXF, a file that is cut off, or numbers that cannot be read.
-    """
+    """Content of a file; one with faults that move no point is mended."""
     # it warns of handles, which move nothing, and as it is imported of a cache of fonts
     logging.getLogger("ezdxf").setLevel(logging.CRITICAL)
     # imported here: it takes longer than the rest of the library

@@ -196,11 +196,9 @@ def path_strokes(data: str, line: int) -> list[list[Segment]]:
 
 
 def _strokes(parts: Sequence[Any]) -> list[list[Segment]]:
-    """Subpaths of parts of a path as `svgelements` has them.
-
-    Of S and T it takes the control point of whatever curve is before; the standard takes that of
-    one of its own kind only.
-    """
+    """Subpaths of parts of a path as `svgelements` has them."""
+    # of S and T it takes the control point of whatever curve is before; the standard takes that of
+    # one of its own kind only
     strokes, lifted, before, handle = [], True, "", 0j
     for part in parts:
         kind, previous = type(part).__name__, before

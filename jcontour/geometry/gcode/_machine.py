@@ -317,10 +317,8 @@ class Machine:
         self._joint()
 
     def _drill(self, code: int, values: dict[str, float]) -> None:
-        """A canned cycle at every hole that the line says.
-
-        Incremental, R counts from the level before the cycles, and the bottom from R.
-        """
+        """A canned cycle at every hole that the line says."""
+        # incremental, R counts from the level before the cycles, and the bottom from R
         normal = PLANES[self.modes.plane][2]
         axis, incremental, sticky = "XYZ"[normal], self.modes.incremental, self.sticky
         if not values.keys().isdisjoint("IJK"):
@@ -358,11 +356,8 @@ class Machine:
             self._make_hole(code, retract, bottom, clear)
 
     def _make_hole(self, code: int, retract: float, bottom: float, clear: float) -> None:
-        """Steps of LinuxCNC's cycles from the level of R to the bottom and out [m].
-
-        Stops and turns of the spindle move nothing; after G88, where an operator takes the tool
-        out, it goes out at traverse.
-        """
+        """Steps of LinuxCNC's cycles from the level of R to the bottom and out [m]."""
+        # after G88, where an operator takes the tool out, it goes out at traverse
         if code in (730, 830):
             peck = self.sticky.get("Q", 0.0)
             if not peck > 0:

@@ -168,10 +168,7 @@ class ArtificialReferenceMPC(Controller):
         )
 
     def _rows(self, unit: Float[Array, ""]) -> tuple:
-        """Rows over their limits, what a rest has in them by its place, their centre.
-
-        Then the stages (N, r) at which they act, and which of them give way (r,).
-        """
+        """Rows over their limits, what a rest has in them by its place, their centre."""
         model, loop, limits, N = self.model, self.loop, self.limits, self.preview
         n, m, p = model.states, model.axes, model.inputs
         output, control = np.array(limits.output)[:, None], np.array(limits.control)[:, None]

@@ -320,10 +320,8 @@ def _fill_cost(H, g, cost, window, s):
 
 @compiled
 def _add_square(H, g, G, Q, free, factor, reach, weighted):
-    """Lower half of H += factor G' Q G, and g += factor G' Q free.
-
-    The columns of G are zero from `reach` on.
-    """
+    """Lower half of H += factor G' Q G, and g += factor G' Q free."""
+    # the columns of G are zero from `reach` on
     m = G.shape[0]
     for i in range(m):
         pull = 0.0

@@ -10,8 +10,8 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.qp.problem import check_limits
 
 # (lower, upper), each one number or one per component; infinite where there is none
-Bounds = tuple[ArrayLike, ArrayLike]
-Magnitude = ArrayLike | Sequence[float] | None
+Numbers = ArrayLike | Sequence[float]
+Bounds = tuple[Numbers, Numbers]
 
 
 class Limits(NamedTuple):
@@ -35,7 +35,7 @@ class Limits(NamedTuple):
     acceleration: Bounds | None = None
 
     @classmethod
-    def within(cls, **magnitudes: Magnitude) -> "Limits":
+    def within(cls, **magnitudes: Numbers | None) -> "Limits":
         """Symmetric limits from magnitudes, by field; None is no limit."""
         sizes = {
             name: None if size is None else np.asarray(size, float)

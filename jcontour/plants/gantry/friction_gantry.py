@@ -215,11 +215,7 @@ class StickSlipGantry(_FrictionGantry):
         return self.parameters.coordinates(state.sliders)
 
     def _settled(self, equation: SliderEquation, state: SlidingMotion, control) -> SlidingMotion:
-        """State with the modes of the next substep.
-
-        Sliders at rest, or whose speed has turned, stick or break loose in the direction of the
-        force on them.
-        """
+        """State with the modes of the next substep."""
         z, v = state.sliders[:3], state.sliders[3:]
         mode = caught(state.mode, v)
         speed = _slipping(mode, v)
