@@ -14,7 +14,7 @@ Its slope is that of both equations together, by the adjoint Q = M' Q M + C' C.
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks, turned
@@ -53,7 +53,9 @@ def count_noise(
     encoding = encoding._replace(level=encoding.level * share, slope=encoding.slope * share)
     signals = _signals(loop, encoding)
     N = signals.after.shape[-2]
-    stable = _stable(signals.after[..., :N])
+    finite = np.isfinite(signals.after[..., :N]).all(axis=(-2, -1))
+    values = np.linalg.eigvals(np.where(finite[..., None, None], signals.after[..., :N], 0.0))
+    stable = np.asarray(finite & (np.abs(values).max(axis=-1) < 1))
     if not stable.all():
         at = stable[..., None, None]
         signals = _Signals(*(np.where(at, one, 0.0) for one in signals))
@@ -96,12 +98,6 @@ def _slope(loop: FrozenLoop, signals: _Signals, Q, spread) -> FrozenLoop:
             *(a @ spread @ turned(b) for a, b in ((of_w, w), (of_w, y), (of_u, w), (of_u, y)))
         ),
     )
-
-
-def _stable(M: Float[np.ndarray, "*loops N N"]) -> Bool[np.ndarray, "*loops"]:
-    finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
-    values = np.linalg.eigvals(np.where(finite[..., None, None], M, 0.0))
-    return np.asarray(finite & (np.abs(values).max(axis=-1) < 1))
 
 
 def _summed(

@@ -54,16 +54,11 @@ def frames_along(reference: Reference, output: Float[Array | np.ndarray, "T m"])
     nearest = reference.contour.nearest(jnp.asarray(output), arc, SEARCH_REACH * lag)
     tangent = np.asarray(reference.contour.tangent(nearest))
     error = np.linalg.norm(np.asarray(contour_error(jnp.asarray(output), reference)), axis=1)
-    return Frames(tangent, _normals(tangent), error, lag)
-
-
-def _normals(tangent: np.ndarray) -> np.ndarray:
-    """Orthonormal complement of unit vectors (T, m), as rows (T, m-1, m)."""
-    axes = tangent.shape[1]
-    if axes == 2:
-        return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
-    _, _, rows = np.linalg.svd(tangent[:, None, :])
-    return rows[:, 1:]
+    if tangent.shape[1] == 2:
+        normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
+    else:  # the rest of an orthonormal basis
+        normals = np.linalg.svd(tangent[:, None, :])[2][:, 1:]
+    return Frames(tangent, normals, error, lag)
 
 
 def distance_bounds(

@@ -7,7 +7,6 @@ that `simulate` makes. For a loop that is affine in state and memory they hold f
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -182,14 +181,14 @@ def check_linear_controller(
     _check(controller, controlled, plan, (memory, measurement))
 
 
-def _floating(step: Any, fixed: Any, plan: Plan, moving: Any) -> Any:
-    return eqx.filter(step(plan, moving, fixed), eqx.is_inexact_array)
-
-
 def _check(part: Plant | Controller, step: Any, plan: Plan, inputs: Any) -> None:
     moving, fixed = eqx.partition(inputs, eqx.is_inexact_array)
+
+    def floating(plan: Plan, moving: Any) -> Any:
+        return eqx.filter(step(plan, moving, fixed), eqx.is_inexact_array)
+
     try:
-        check_affine(partial(_floating, step, fixed), plan, moving)
+        check_affine(floating, plan, moving)
     except NotAffine as error:
         raise NotAffine(f"{type(part).__name__}: {error}") from None
 

@@ -143,7 +143,11 @@ def _structured(line: str) -> str:
     if condition := re.fullmatch(r"(} else )?if \((.+)\) {", line):
         words = condition[2].replace("&&", "AND").replace("||", "OR").replace("!=", "<>")
         words = _called(re.sub(r"!(?!=)", "NOT ", words).replace("==", "="))
-        return f"{'ELSIF' if condition[1] else 'IF'} {_grouped(words)} THEN"
+        # AND binds as in C, but some compilers want comparisons in parentheses
+        joint = next((name for name in (" AND ", " OR ") if name in words), None)
+        if joint:
+            words = joint.join(f"({one})" for one in words.split(joint))
+        return f"{'ELSIF' if condition[1] else 'IF'} {words} THEN"
     if line == "} else {":
         return "ELSE"
     if line == "return;":
@@ -159,12 +163,4 @@ def _structured(line: str) -> str:
 def _called(words: str) -> str:
     for name, function in (("absolute", "ABS"), ("least", "MIN"), ("most", "MAX")):
         words = re.sub(rf"\b{name}\(", f"{function}(", words)
-    return words
-
-
-def _grouped(words: str) -> str:
-    """Comparisons in parentheses: AND binds as in C, but some compilers want them told."""
-    for name in ("AND", "OR"):
-        if f" {name} " in words:
-            return f" {name} ".join(f"({one})" for one in words.split(f" {name} "))
     return words

@@ -264,24 +264,11 @@ def outline(contour: Contour) -> Float[np.ndarray, "K m"]:
     )
     parts = max(PARTS, -(-POINTS // len(start)))
     arc = start[:, None] + extent[:, None] * np.linspace(0.0, 1.0, parts + 1)
-    along = _turning(cosine, sine, rate, extent)
-    extreme = (start[:, None, None] + along)[np.isfinite(along)]
-    whole = np.unique(np.append(arc, extreme))
-    # the end of a closed path would be its start
-    return np.asarray(contour.position(np.minimum(whole, np.nextafter(whole[-1], 0.0))))
-
-
-def _turning(
-    cosine: Float[np.ndarray, "P m"],
-    sine: Float[np.ndarray, "P m"],
-    rate: Float[np.ndarray, " P"],
-    extent: Float[np.ndarray, " P"],
-) -> Float[np.ndarray, "P m 2"]:
-    """Where the wave of every piece is largest and least in every axis [m]; NaN where it is not."""
     # extremes of c cos(rate s) + d sin(rate s) are at rate s = atan2(d, c) + k pi
     angle = np.sign(rate)[:, None, None] * np.arctan2(sine, cosine)[..., None]
     turn = np.abs(rate)[:, None, None]
-    waves = turn > 0
-    along = np.mod(angle + [0.0, np.pi], 2 * np.pi) / np.where(waves, turn, 1.0)
-    inside = waves & (along <= extent[:, None, None])
-    return np.where(inside, along, np.nan)
+    along = np.mod(angle + [0.0, np.pi], 2 * np.pi) / np.where(turn > 0, turn, 1.0)
+    extreme = (start[:, None, None] + along)[(turn > 0) & (along <= extent[:, None, None])]
+    whole = np.unique(np.append(arc, extreme))
+    # the end of a closed path would be its start
+    return np.asarray(contour.position(np.minimum(whole, np.nextafter(whole[-1], 0.0))))

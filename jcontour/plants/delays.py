@@ -30,7 +30,17 @@ class _LateControl(Remembering):
     inputs: eqx.AbstractVar[int]
 
     def __check_init__(self):
-        _check_line(self.samples, self.depth)
+        if self.depth < 1:
+            raise ValueError(
+                f"depth: the delay line needs at least one place, received {self.depth}"
+            )
+        if is_concrete(self.samples):
+            delays = np.asarray(self.samples)
+            if not np.all((delays >= 0) & (delays <= self.depth)):
+                raise ValueError(
+                    f"samples: needs a delay from 0 to the depth {self.depth}, "
+                    f"received {self.samples}"
+                )
 
     def initial_state(self, position, increment) -> State:
         """State of the wrapped plant, and the control that holds it at rest in all of the line."""
@@ -99,14 +109,3 @@ class PartlyDelayed(_LateControl):
         whole = jnp.minimum(jnp.floor(self.samples), self.depth - 1)
         part, index = self.samples - whole, whole.astype(int)
         return (1 - part) * line[index] + part * line[index + 1]
-
-
-def _check_line(samples: Int[Array, ""] | Float[Array, ""], depth: int) -> None:
-    if depth < 1:
-        raise ValueError(f"depth: the delay line needs at least one place, received {depth}")
-    if is_concrete(samples):
-        delays = np.asarray(samples)
-        if not np.all((delays >= 0) & (delays <= depth)):
-            raise ValueError(
-                f"samples: needs a delay from 0 to the depth {depth}, received {samples}"
-            )

@@ -221,7 +221,9 @@ def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
 
     def unfinished(state):
         point, k, goes_on, largest, _ = state
-        mu, missed = _progress(qp, point, limits, count)
+        # the path's mu, and the largest miss of an equation of a limit, over the limit's width
+        missed = jnp.abs(missed_by(point, limits, rows(qp, point.at))) / limits.width
+        mu, missed = _total(point) / count, jnp.max(missed, initial=0.0)
         later = (missed > MISSED) & (mu > CLOSEST * largest)
         return goes_on & (k < MOST) & ((mu > CLOSE * largest) | later)
 
@@ -304,12 +306,6 @@ def _longest(point: Point, steps: Changes, limits: Limits):
 
 def _total(point: Point):
     return jnp.sum(gap(point))
-
-
-def _progress(qp: StagedQP, point: Point, limits: Limits, count):
-    """The path's mu, and the largest miss of an equation of a limit, over the limit's width."""
-    missed = missed_by(point, limits, rows(qp, point.at))
-    return _total(point) / count, jnp.max(jnp.abs(missed) / limits.width, initial=0.0)
 
 
 def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:

@@ -81,23 +81,16 @@ def axis_windows(model: LinearPlant, preview: int) -> list[AxisWindow]:
     return windows
 
 
-def remaining(
-    windows: list[AxisWindow], kappa: Float[Array, ""], stage: Float[Array, " N_p"] | None
-) -> tuple[Float[Array, "m N_p N_p"], Float[Array, "m N_p"]]:
-    """M_a and kappa M_a D h_a of every axis."""
-    G = jnp.stack([window.G for window in windows])
-    if stage is not None:
-        G = jnp.sqrt(stage)[None, :, None] * G
-    M = jnp.linalg.inv(jnp.eye(G.shape[1], dtype=G.dtype)[None] + kappa * G @ G.mT)
-    return M, kappa * jnp.einsum("aij,aj->ai", M, G[:, :, 0])
-
-
 def decoupled_plan(problem: ContouringProblem) -> AffinePlan:
     """Gains F, f (u = f - F x) of every step of a run."""
     model, N = problem.model, problem.preview
     q, axes = problem.alpha + problem.beta, decoupled_axes(model.pattern)
     windows = axis_windows(model, N)
-    M, Mh = remaining(windows, q / problem.rho, problem.stage)
+    G, kappa = jnp.stack([window.G for window in windows]), q / problem.rho
+    if problem.stage is not None:
+        G = jnp.sqrt(problem.stage)[None, :, None] * G
+    M = jnp.linalg.inv(jnp.eye(N, dtype=G.dtype)[None] + kappa * G @ G.mT)
+    Mh = kappa * jnp.einsum("aij,aj->ai", M, G[:, :, 0])  # kappa M_a D h_a of every axis
     steps = problem.tangent.shape[0] - N
     ahead = np.add.outer(np.arange(N), np.arange(1, steps + 1))
     tangent, y_d = problem.tangent.T[:, ahead], problem.y_d.T[:, ahead]

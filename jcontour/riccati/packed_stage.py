@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
-from jcontour.linear.plant import Axis, Pattern, decoupled_axes
+from jcontour.linear.plant import Pattern, decoupled_axes
 
 # row and column of entries of a symmetric matrix, each entry once
 Entries = Int[np.ndarray, "2 _"]
@@ -64,7 +64,12 @@ def packing(pattern: Pattern) -> Packing:
     axes = [axis for axis in decoupled_axes(pattern) if axis.states or axis.inputs]
     order = np.array([state for axis in axes for state in axis.states])
     n, p, m = len(order), len(pattern.B[0]), len(pattern.C)
-    parts, inputs = _parts(axes, n), range(n + 1, n + 1 + p)
+    ends = np.cumsum([0] + [len(axis.states) for axis in axes]).tolist()
+    parts = [
+        Part(range(*span), tuple(n + 1 + u for u in axis.inputs))
+        for span, axis in zip(pairwise(ends), axes, strict=True)
+    ]
+    inputs = range(n + 1, n + 1 + p)
     everything, one = Part(range(n), inputs), Part(range(n, n + 1), ())
     C = np.zeros((m + 1, n + 1), int)
     C[:m, :n], C[m, n] = np.array(pattern.C)[:, order], 1
@@ -80,13 +85,6 @@ def packing(pattern: Pattern) -> Packing:
     rows = tuple(_row(place, u, [*parts, one]) for u in inputs)
     square = {(u - n - 1, v - n - 1): place[u, v] for u, v in product(inputs, repeat=2)}
     return Packing(order, tuple(blocks), rows, square)
-
-
-def _parts(axes: Sequence[Axis], n: int) -> list[Part]:
-    """Labels of every axis, in order."""
-    ends = np.cumsum([0] + [len(axis.states) for axis in axes]).tolist()
-    inputs = [tuple(n + 1 + u for u in axis.inputs) for axis in axes]
-    return [Part(range(*span), own) for span, own in zip(pairwise(ends), inputs, strict=True)]
 
 
 def _entries(first: Part, second: Part) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:

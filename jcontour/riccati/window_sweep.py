@@ -113,7 +113,10 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
         def swept(A, B, C, data):
             return _in_time(pattern, _sweep(pattern, stage_maps(pattern, A, B, C), data))
 
-        return jax.jvp(swept, primals, _without_symbols(tangents))
+        def dense(tangent):
+            return jnp.zeros(tangent.shape, tangent.dtype) if _still(tangent) else tangent
+
+        return jax.jvp(swept, primals, jax.tree.map(dense, tangents, is_leaf=_still))
     given = tangents[3]._asdict()
     moved = {name: t for name, t in given.items() if t is not None and not _still(t)}
     maps = stage_maps(pattern, *model)
@@ -139,13 +142,6 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
 
 def _still(tangent) -> bool:
     return isinstance(tangent, SymbolicZero)
-
-
-def _without_symbols(tangents):
-    def dense(tangent):
-        return jnp.zeros(tangent.shape, tangent.dtype) if _still(tangent) else tangent
-
-    return jax.tree.map(dense, tangents, is_leaf=_still)
 
 
 def linear_map(forward, backward, x, like):
@@ -205,7 +201,9 @@ def _trajectories(
     A, B, C = extended(pack.order, A, B, C)
     (size, p), preview = B.shape, data.stage.shape[0]
     steps = data.cost.shape[1] - preview
-    along = _closed_step(A, B, C)
+    # (W, K W) to the next W, to C W and to K W: XLA would compute K W again for every use
+    ahead, output = jnp.concatenate([A, -B], axis=1), jnp.pad(C, ((0, 0), (0, p)))
+    along = jnp.concatenate([ahead, output, jnp.eye(p, size + p, size, A.dtype)])
     # N_p = 1 has no later gains, and a gather wants a row to look at
     later = (gains.later if preview > 1 else gains.first).reshape(-1, steps)
 
@@ -220,39 +218,19 @@ def _trajectories(
         return (W, Q_bar, R_bar + _paired(W[-p:, :p], W[-p:, p:])), scale_bar
 
     K_bar = jnp.concatenate([F_bar[:, :, pack.order], -f_bar[:, :, None]], axis=2)
-    W, R_bar = _first_trajectories(along, B, gains, K_bar.transpose(2, 1, 0))
+    K_bar = K_bar.transpose(2, 1, 0)
+    KK_bar = _applied(gains.first, K_bar)
+    U = jnp.pad(_through(B, gains.G), ((0, along.shape[0] - size), (0, 0), (0, 0)))
+    V = _through(along, jnp.concatenate([K_bar, KK_bar]))
+    W, R_bar = jnp.concatenate([U, V], axis=1), -_paired(gains.G, KK_bar)
     stages = jnp.arange(1, preview), data.stage[:-1]
     start = W, jnp.zeros_like(data.cost), R_bar
     (W, Q_bar, R_bar), stage_bar = jax.lax.scan(step, start, stages)
-    H_bar, g_bar = _end_cotangents(pack.order, W[:size, :p], W[:size, p:])
-    return SweepData(Q_bar, jnp.pad(stage_bar, (0, 1)), jnp.sum(R_bar, axis=-1), H_bar, g_bar)
-
-
-def _first_trajectories(along, B, gains: Gains, K_bar) -> tuple[Array, Array]:
-    """Trajectories that the cotangents of the first gains begin, and their part of R's."""
-    KK_bar = _applied(gains.first, K_bar)
-    rows = along.shape[0] - B.shape[0]
-    U = jnp.pad(_through(B, gains.G), ((0, rows), (0, 0), (0, 0)))
-    V = _through(along, jnp.concatenate([K_bar, KK_bar]))
-    return jnp.concatenate([U, V], axis=1), -_paired(gains.G, KK_bar)
-
-
-def _end_cotangents(order, U, V) -> tuple[Array, Array]:
-    """Cotangents of H and g at the end of the horizon, the states in the model's order again."""
-    back = np.argsort(order)
-    end_bar = _paired(U, V)
+    back = np.argsort(pack.order)  # the states in the model's order again
+    end_bar = _paired(W[:size, :p], W[:size, p:])
     H_bar = (end_bar + end_bar.swapaxes(0, 1))[back][:, back].transpose(2, 0, 1) / 2
-    return H_bar, end_bar[back, -1].T
-
-
-def _closed_step(A, B, C) -> Float[Array, "rows columns"]:
-    """Matrix that takes (W, K W) to the next W, to C W and to K W.
-
-    K W is a result too: XLA would otherwise compute it again for every use.
-    """
-    size, p = B.shape
-    ahead, output = jnp.concatenate([A, -B], axis=1), jnp.pad(C, ((0, 0), (0, p)))
-    return jnp.concatenate([ahead, output, jnp.eye(p, size + p, size, A.dtype)])
+    g_bar, stage_bar = end_bar[back, -1].T, jnp.pad(stage_bar, (0, 1))
+    return SweepData(Q_bar, stage_bar, jnp.sum(R_bar, axis=-1), H_bar, g_bar)
 
 
 def _through(matrix, W):

@@ -81,26 +81,18 @@ def limit_use(
     pairs = mask[1:] & mask[:-1]
     speed = jnp.diff(output, axis=0) / reference.dt
     triples = pairs[1:] & pairs[:-1]
+    sampled = jnp.diff(speed, axis=0) / reference.dt
+    acceleration = _largest(sampled, triples, limits.acceleration)
+    if limits.acceleration is not None and limits.hidden is not None:
+        parts = sampled, alternating(control) @ limits.hidden.T
+        most = [largest(jnp.where(triples[:, None], jnp.abs(part), 0)) for part in parts]
+        acceleration = largest(jnp.asarray(sum(most) / limits.acceleration))
     return LimitUse(
         _largest(speed, pairs, limits.speed),
-        _accelerated(jnp.diff(speed, axis=0) / reference.dt, control, triples, limits),
+        acceleration,
         _largest(control, mask, limits.control),
         _largest(jnp.diff(control, axis=0), pairs, limits.increment),
     )
-
-
-def _accelerated(
-    sampled: Float[Array, "s m"],
-    control: Float[Array, "T p"],
-    counted: Bool[Array, " s"],
-    limits: AxisLimits,
-) -> Float[Array, ""]:
-    """Use by what the samples show and, where it is looked at, by what they hide."""
-    if limits.acceleration is None or limits.hidden is None:
-        return _largest(sampled, counted, limits.acceleration)
-    hidden = alternating(control) @ limits.hidden.T
-    most = [largest(jnp.where(counted[:, None], jnp.abs(part), 0)) for part in (sampled, hidden)]
-    return largest(jnp.asarray(sum(most) / limits.acceleration))
 
 
 def _largest(

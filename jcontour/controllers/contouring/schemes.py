@@ -71,7 +71,7 @@ class PathFrame(eqx.Module):
     @property
     def normal(self) -> Float[Array, "*T 2"]:
         """Tangent turned to the left by a right angle."""
-        return jnp.stack([-self.tangent[..., 1], self.tangent[..., 0]], axis=-1)
+        return _turned(self.tangent)
 
     def circular(self, error: Float[Array, " 2"]) -> Float[Array, " 2"]:
         """Gains c = n + kappa e / 2 for an error e = r - y [m].

@@ -67,7 +67,12 @@ def placed_gain(
             )
     if is_concrete(poles):
         for wanted in np.asarray(poles).reshape(-1, poles.shape[-1]):
-            _check_poles(wanted)
+            received = f"received {np.array2string(wanted, precision=6)}"
+            if not np.all(np.abs(wanted) < 1):
+                raise ValueError(f"poles: need to be inside the unit circle, {received}")
+            pair = np.sort_complex(wanted), np.sort_complex(wanted.conj())
+            if not np.allclose(*pair, rtol=0, atol=1e-9):
+                raise ValueError(f"poles: complex ones need to come in pairs, {received}")
     K = _of_axes(model.A, model.B, poles, axes)
     if is_concrete(K):
         for axis in axes:
@@ -127,14 +132,6 @@ def _ackermann(
     for q in poles - 1:
         last = last @ (D - q * identity)
     return last.real
-
-
-def _check_poles(given: Complex[np.ndarray, " n"]) -> None:
-    received = f"received {np.array2string(given, precision=6)}"
-    if not np.all(np.abs(given) < 1):
-        raise ValueError(f"poles: need to be inside the unit circle, {received}")
-    if not np.allclose(np.sort_complex(given), np.sort_complex(given.conj()), rtol=0, atol=1e-9):
-        raise ValueError(f"poles: complex ones need to come in pairs, {received}")
 
 
 class Estimate(NamedTuple):

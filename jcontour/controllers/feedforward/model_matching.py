@@ -229,15 +229,11 @@ def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
     top, below = left[:, 0] @ basis, right[0].conj() @ basis
     phase = below[np.argmax(np.abs(below))]
     top, below = cost * np.real(top / phase), np.real(below / phase)
-    top, below = _all_pass(cost, *_without_shared_roots(top, below))
-    return HinfOptimum(top / below[0], below / below[0], cost, float(eigenvalues[0]))
-
-
-def _all_pass(cost: float, top: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """The same quotient with |E| = J to the last digit: the numerator mirrors the denominator."""
+    top, below = _without_shared_roots(top, below)
     mirrored = cost * np.sign(top @ below[::-1]) * below[::-1]
-    alike = np.max(np.abs(top - mirrored)) <= SHARED * np.max(np.abs(top))
-    return (mirrored if alike else top), below
+    if np.max(np.abs(top - mirrored)) <= SHARED * np.max(np.abs(top)):
+        top = mirrored  # |E| = J to the last digit
+    return HinfOptimum(top / below[0], below / below[0], cost, float(eigenvalues[0]))
 
 
 def _without_shared_roots(top: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:

@@ -113,17 +113,13 @@ class NormOptimal(LearningLaw):
             flat = cho_solve((self.factor, True), jnp.ravel(right))
             change = jnp.reshape(flat, right.shape)
         else:
-            change = self._by_conjugate_gradients(transposed, right)
+
+            def normal(change):
+                (back,) = transposed(self._weighted(self.model(change)))
+                return back + (self.effort + self.size) * change
+
+            change, _ = cg(normal, right, tol=TOLERANCE, maxiter=ITERATIONS)
         return smoothed(correction + change, self.smoothing)
-
-    def _by_conjugate_gradients(self, transposed: Callable[[Any], Any], right: Array) -> Array:
-        """Solution of the equation without its matrix."""
-
-        def normal(change):
-            (back,) = transposed(self._weighted(self.model(change)))
-            return back + (self.effort + self.size) * change
-
-        return cg(normal, right, tol=TOLERANCE, maxiter=ITERATIONS)[0]
 
     def _factor(self, G: Array) -> Array:
         """Cholesky's lower factor of G' W G + prices."""
@@ -149,14 +145,11 @@ def norm_optimal(run: RunLap, reference: Reference, **prices: Any) -> NormOptima
     start = jnp.zeros_like(reference.position[: reference.steps])
     tangent = reference.tangent[: reference.steps]
     model = linearised(run, start)
-    return NormOptimal(as_matrix(model, start) if start.size <= SHORT else model, tangent, **prices)
-
-
-def as_matrix(linear: Callable[[Any], Any], start: Float[Array, "T m"]) -> Matrix:
-    """The same linear function, its columns from all impulses at once."""
-    impulses = jnp.reshape(jnp.eye(start.size, dtype=start.dtype), (-1, *start.shape))
-    rows = jax.jit(jax.vmap(linear))(impulses)
-    return Matrix(jnp.reshape(rows, (start.size, -1)).T)
+    if start.size <= SHORT:  # its columns from all impulses at once
+        impulses = jnp.reshape(jnp.eye(start.size, dtype=start.dtype), (-1, *start.shape))
+        rows = jax.jit(jax.vmap(model))(impulses)
+        model = Matrix(jnp.reshape(rows, (start.size, -1)).T)
+    return NormOptimal(model, tangent, **prices)
 
 
 def linearised(run: RunLap, start: Float[Array, "T m"]) -> Callable[[Any], Any]:

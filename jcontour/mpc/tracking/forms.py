@@ -198,7 +198,10 @@ class VelocityForm(Form):
 
     def terminal_maps(self, prediction):
         """Maps to the last change of the state and the last output."""
-        before = _state_before_last(prediction)
+        horizon, n, q = prediction.Fx.shape
+        before = np.eye(n, q), np.zeros_like(prediction.Gx[-1])  # x_0, for a horizon of one
+        if horizon > 1:
+            before = prediction.Fx[-2], prediction.Gx[-2]
         F = np.concatenate([prediction.Fx[-1] - before[0], prediction.Fy[-1]])
         G = np.concatenate([prediction.Gx[-1] - before[1], prediction.Gy[-1]])
         return F, G
@@ -206,11 +209,3 @@ class VelocityForm(Form):
     def terminal_target(self, motion, end, increment) -> Float[np.ndarray, "T t"]:
         """Steady changes, and the last samples."""
         return np.concatenate([increment @ np.asarray(motion.Sy).T, end], axis=1)
-
-
-def _state_before_last(prediction: Prediction) -> tuple[np.ndarray, np.ndarray]:
-    """Maps to x_{N-1}, which is x_0 for a horizon of one."""
-    horizon, n, q = prediction.Fx.shape
-    if horizon > 1:
-        return prediction.Fx[-2], prediction.Gx[-2]
-    return np.eye(n, q), np.zeros_like(prediction.Gx[-1])
