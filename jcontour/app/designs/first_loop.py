@@ -89,13 +89,7 @@ def fastest(
 
 
 def _weights(machine: LinearMachine, bandwidth: float, start: Gains) -> Gains:
-    regulator = bandwidth
-    if "control_noise" in start:
-        # The fastest whose controls bear some counts within their limit
-        error, most, kept = COUNTS * machine.noisy_count, machine.largest_control, REGULATORS
-        if machine.limits.control is not None:
-            kept = [one for one in REGULATORS if _reached(machine, error, one) <= most]
-        regulator = float(kept[0] if len(kept) else REGULATORS[-1])
+    regulator = bandwidth if "control_noise" not in start else _regulator(machine)
     rho = float(start["rho"])
     crossing = rho / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
     alpha = max(crossing, rho / _gain(machine, STANDING) ** 2 / BEHIND)
@@ -106,6 +100,15 @@ def _weights(machine: LinearMachine, bandwidth: float, start: Gains) -> Gains:
     if "drift" not in start:
         return weights | {"control_noise": noise}
     return weights | {"control_noise": STATES * noise, "drift": bandwidth * noise}
+
+
+def _regulator(machine: LinearMachine) -> float:
+    """Fastest regulator [rad per sample] whose controls bear some counts within their limit."""
+    if machine.limits.control is None:
+        return float(REGULATORS[0])
+    error = COUNTS * machine.noisy_count
+    kept = [r for r in REGULATORS if _reached(machine, error, r) <= machine.largest_control]
+    return float(kept[0] if kept else REGULATORS[-1])
 
 
 def _reached(machine: LinearMachine, errors: float | np.ndarray, bandwidth: float) -> float:

@@ -203,14 +203,7 @@ def _result(
         encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
     coarse = coarse_counts(machine.record.axes, np.array([one.resolution for one in machine.axes]))
     named = "If so, name the columns as x_position_um, or give --length-unit um"
-    lengths = []  # a line for each number that no machine has; most likely a unit is wrong
-    for one, speed, moved in zip(axes, limits["speed"], limits["acceleration"], strict=True):
-        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
-            lengths.append(
-                f"{one.name}: {feed_words(speed)} and {moved / GRAVITY:.3g} g in the record, and "
-                f"{gain_words(one)} per {flags.control_unit}, are "
-                "more than any drive has; is --length-unit right?"
-            )
+    lengths = _questions(flags, axes, limits)
     lengths += [f"{line} {named}" for line in coarse]
     lengths += _tiny(flags, machine)
     masses = []
@@ -225,12 +218,6 @@ def _result(
             f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a "
             f"copy that nobody measured. Record {other} too, or put its own numbers in"
         )
-    period = []
-    if not SHORTEST <= log.dt <= LONGEST:  # no drive has such a period
-        period.append(
-            f"time: a sample every {1e3 * log.dt:g} ms is no usual period of a drive; is the unit "
-            "of its column right? Call it time_ms or time_us, or give --period-ms"
-        )
     return LinearMachineResult(
         data=source,
         words=[*log.words, encoders],
@@ -242,7 +229,7 @@ def _result(
         gain=machine.gain,
         delay=machine.late,
         notes=[
-            *period,
+            *_period(log.dt),
             *([] if any(log.angles) else lengths),
             *copied,
             *masses,
@@ -250,6 +237,29 @@ def _result(
         ],
         model=MODEL,
     )
+
+
+def _period(dt: float) -> list[str]:
+    """A question where no drive has such a period."""
+    if SHORTEST <= dt <= LONGEST:
+        return []
+    return [
+        f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
+        "its column right? Call it time_ms or time_us, or give --period-ms"
+    ]
+
+
+def _questions(
+    flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
+) -> list[str]:
+    """One line for each number that no machine has; most likely a unit is wrong."""
+    return [
+        f"{one.name}: {feed_words(speed)} and {moved / GRAVITY:.3g} g in the record, and "
+        f"{gain_words(one)} per {flags.control_unit}, are "
+        "more than any drive has; is --length-unit right?"
+        for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True)
+        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED
+    ]
 
 
 def _tiny(flags: Identify, machine: IdentifiedMachine) -> list[str]:

@@ -6,7 +6,7 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
 from jcontour.app.catalogue.own_classes import trust
-from jcontour.app.designs import receding_horizon
+from jcontour.app.designs import first_loop
 from jcontour.app.files.results.search_results import Ranked
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Rank
@@ -56,10 +56,8 @@ def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if
 
 @pytest.mark.slow
 def test_the_first_loop_of_a_controller_is_searched_once(machine_file, part_file, monkeypatch):
-    searched, search = [], receding_horizon.first_loop
-    monkeypatch.setattr(
-        receding_horizon, "first_loop", lambda *args: searched.append(1) or search(*args)
-    )
+    searched, search = [], first_loop.first_loop
+    monkeypatch.setattr(first_loop, "first_loop", lambda *args: searched.append(1) or search(*args))
     flags = Rank(
         parts=(str(part_file),), plant=str(machine_file), preview=4, controllers=("contouring-lq",)
     )
