@@ -38,7 +38,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.app.files.machine_file": {"pydantic"},
     "jcontour.app.files.log_table": {"pandas"},
     "jcontour.app.jobs.excitation": {"pydantic"},
-    "jcontour.app.jobs.memory": {"psutil"},
+    "jcontour.app.jobs.pace": {"psutil"},
     "experiments.doctest_blocks": {"griffe"},  # of the site
     "jcontour.export.rendering": {"jinja2"},
     "jcontour.app.runs.checks.exported_code": {"filelock"},

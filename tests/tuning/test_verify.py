@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.app.machines.built_in import bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import circle

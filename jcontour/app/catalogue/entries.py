@@ -63,15 +63,15 @@ CONTOURS = {
 MACHINES = {
     "bridgeport": Entry(
         "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)",
-        "jcontour.app.machines.built_in:bridgeport_machine",
+        "jcontour.app.machines.linear:bridgeport_machine",
     ),
     "xy-table": Entry(
         "X-Y table on lead screws with Coulomb friction, 8 states, 1 ms (Lam)",
-        "jcontour.app.machines.built_in:xy_table_machine",
+        "jcontour.app.machines.linear:xy_table_machine",
     ),
     "emps": Entry(
         "X-Y table of two EMPS drives, 4 states, 1 ms, without their dry friction (Janot et al.)",
-        "jcontour.app.machines.built_in:emps_machine",
+        "jcontour.app.machines.linear:emps_machine",
     ),
     "flexible-axis": Entry(
         "linear motor, spring and end effector, stick and slip, cogging (Yuan); tuned on its twin",

@@ -12,8 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jcontour.app.jobs.memory import TooLongError, check_duration
-from jcontour.app.jobs.pace import Pace
+from jcontour.app.jobs.pace import Pace, TooLongError, check_duration
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.toolpath_rules import DRAWINGS, ToolpathError

@@ -13,7 +13,6 @@ from jcontour.app.files.results.tuned_result import (
     PathMargins,
     TunedResult,
 )
-from jcontour.app.reports.drives import drive_gains
 from jcontour.app.reports.screen import INDENT, WIDTH, Entry, read_notes
 from jcontour.app.reports.tables import (
     columns_of,
@@ -133,6 +132,8 @@ def drive_words(result: TunedResult, drive: DriveLoop, run: str) -> str:
 
     Gains that take more than two lines are those of a command.
     """
+    from jcontour.app.reports.drives import drive_gains
+
     words = drive.controller
     if drive.controller != result.controller:
         beyond = "" if drive.kept else ", beyond a limit"

@@ -6,8 +6,8 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.app.machines.gantry import gantry_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import simulate

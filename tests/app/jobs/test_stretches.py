@@ -20,7 +20,7 @@ from jcontour.app.jobs.stretches import (
     representatives,
     shortened,
 )
-from jcontour.app.machines.built_in import bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.geometry.contours import arc, circle, ellipse, lemniscate, line, polygon, polyline
 from jcontour.motion.references import along
 

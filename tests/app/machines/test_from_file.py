@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 import jcontour.app.machines
 from jcontour.app.files.checks import MachineError
-from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.app.machines.from_file import load_machine, machine_from
-from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.linear import LinearMachine, bridgeport_machine
 from jcontour.app.machines.machine import Machine
 from jcontour.linear.plant import steady_motion
 

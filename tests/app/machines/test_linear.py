@@ -11,9 +11,11 @@ from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.commands.loops.check_bound import bounds_of, box_of, promised
 from jcontour.app.machines.from_file import linear_machine
+from jcontour.app.machines.linear import xy_table_machine
 from jcontour.app.machines.uncertainty import GainMember, Uncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
+from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.simulation.evaluation import member
 
 
@@ -186,3 +188,15 @@ def test_a_response_that_is_doubted_is_not_in_the_promise():
     unsure = replace(table, uncertainty=Uncertainty(0.1, 2, response))
     with pytest.warns(UserWarning, match="uncertainty.response. is not in what is promised"):
         promised(unsure)
+
+
+def test_a_controller_on_the_host_meets_friction():
+    hosted = xy_table_machine().hosted()
+    assert isinstance(hosted.plant, FrictionXYTable) and hosted.plant.dt == 1e-3
+    assert hosted.every == 4 and hosted.model.dt == 4e-3
+    np.testing.assert_array_equal(hosted.model.A, xy_table(4e-3).A)
+
+
+def test_its_current_is_limited():
+    machine = xy_table_machine()
+    assert machine.limits.control.tolist() == [0.5, 0.5] and machine.control_unit == "A"

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.app.machines.built_in import bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
 from jcontour.host.controller import HostController, StepReport

@@ -15,7 +15,7 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Pace
-from jcontour.app.jobs.memory import check_memory
+from jcontour.app.jobs.pace import check_memory
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables

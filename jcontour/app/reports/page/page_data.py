@@ -23,7 +23,6 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.machines import Audit
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.causes import audit_answer
-from jcontour.app.reports.drives import PRODUCTS, drive_gains
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
 from jcontour.app.reports.run_tables import margin_rows, simulated_answer, tuned_answer
 from jcontour.app.reports.screen import Entry, screen
@@ -98,10 +97,14 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     verdict = result.verdict
     unit = result.machine.control_unit
     try:
-        tried, margins = [], []
+        tried, margins, drives = [], [], {}
         if tuned is not None:
             tried = _tried(folder)
             margins = [f"{name:<23}  {value}" for name, value in margin_rows(tuned.margins)]
+        if tuned is not None and tuned.drive is not None:
+            from jcontour.app.reports.drives import PRODUCTS, drive_gains
+
+            drives = {one: drive_gains(tuned.drive.weights, unit, one) for one in PRODUCTS}
         return {
             "name": folder.name,
             "command": command,
@@ -121,9 +124,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "answer": KINDS[command].answer(result),
             "alternatives": [] if tuned is None else _alternatives(tuned, tried),
             "lines": [] if tuned is None else [*tuned.weight_lines, *margins],
-            "drives": {}
-            if tuned is None or tuned.drive is None
-            else {product: drive_gains(tuned.drive.weights, unit, product) for product in PRODUCTS},
+            "drives": drives,
             "sensitivity": _sensitivity(folder),
             "limit": None if tuned is None else tuned.limits.get("peak_sensitivity"),
             "points": _points(result, tried),

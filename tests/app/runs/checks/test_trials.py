@@ -14,7 +14,7 @@ from jcontour.app.catalogue.choices import design_for
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Pace, at_constant_feed
 from jcontour.app.jobs.replays import Scenarios
-from jcontour.app.machines.built_in import bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.machines.own_plant import machine_of
 from jcontour.app.machines.uncertainty import Uncertainty

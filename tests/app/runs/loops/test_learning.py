@@ -12,11 +12,11 @@ from jcontour.app.catalogue.choices import design_for, job_named
 from jcontour.app.files.results.verdict import exceeded
 from jcontour.app.flags.loops import Learn, Simulate
 from jcontour.app.jobs.job import Pace
-from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.app.machines.families import Member
 from jcontour.app.machines.flexible_axis import biaxial_machine, scaled, thesis_machine
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.gantry import gantry_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.machines.own_plant import machine_of
 from jcontour.app.runs.loops.learning import (

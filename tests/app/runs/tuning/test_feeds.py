@@ -10,7 +10,7 @@ from jcontour.app.files.results.search_results import FrontResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.jobs.job import at_constant_feed, from_file
 from jcontour.app.jobs.pace import Pace
-from jcontour.app.machines.built_in import bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.geometry.contours import circle
 
 

@@ -8,7 +8,7 @@ from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.replays import Scenarios
-from jcontour.app.machines.built_in import bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.runs.tuning.limits import (
     AT_REST,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from jcontour.app.jobs.memory import BEGUN, check_memory, free_memory, most_samples
+from jcontour.app.jobs.pace import BEGUN, check_memory, free_memory, most_samples
 
 
 @pytest.fixture
