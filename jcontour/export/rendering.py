@@ -147,6 +147,7 @@ class Code:
             ("LAW_D", law.D, "gain: controls x measured"),
             ("LAW_INTEGRAL", law.integral, "1 for integrals in the memory"),
             ("LAW_DRY", law.dry, "against friction: controls x axes"),
+            ("LAW_SLEW", law.slew, "most that this changes in a sample"),
             ("LAW_G", law.G, "references, controls x axes for each"),
         ]
         if law.states:
@@ -209,7 +210,7 @@ class Code:
             ("rate", "", "of reading on: 1, less in a hold"),
             ("phase", "", "between two reference points"),
         ]
-        if self.law.dry is not None and self.law.B is not None:
+        if self.law.dry is not None:
             fields.append(("sliding", "LAW_INPUTS", "part of the control, against friction"))
         if self.law.behind:
             fields.append(("past", "LAW_BEHIND * LAW_AXES", "commands of the samples before"))
@@ -248,6 +249,8 @@ class Code:
             buffers.append(("ahead", "LAW_STATES"))
         if law.B is not None:
             buffers.append(("acting", "LAW_INPUTS"))
+        if law.dry is not None:
+            buffers.append(("against", "LAW_INPUTS"))
         if law.L is not None:
             buffers.append(("miss", "LAW_MEASURED"))
         if self._holds:

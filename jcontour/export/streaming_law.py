@@ -6,8 +6,8 @@ With x the memory, y the measurement, r_j the reference j samples ahead:
     u   = f - F x - D y                               kept to its limit
     x  <- A x + B u + E y + sum_j W_j r_j             kept to limits of its own
 The control f - F x is that of a receding horizon whose window is swept at every sample (`Window`),
-or f = sum_j G_j r_j with stationary gains. Beside both may stand dry sign(r_{d+1} - r_d), which
-no memory knows of. Nothing belongs to one part. All
+or f = sum_j G_j r_j with stationary gains. Beside both may stand dry sign(r_{d+1} - r_d), behind a
+limit of its slew rate; no other memory knows of it. Nothing belongs to one part. All
 positions count from a base: the present reference where a law is the same everywhere, so that its
 numbers stay small; the place of the start where a control is needed to stand; else the origin.
 """
@@ -98,6 +98,7 @@ class StreamingLaw:
         G, W: gains of the references from `behind` samples back to `preview` ahead.
         dry: control by the direction of every axis, against its friction.
         ahead: samples d ahead at which that is taken.
+        turning: samples in which it turns from one direction to the other.
         integral: 1 for entries of the memory that are held where the reference has stood for
             `hold_after` samples, 0 for the others; None where none is.
         limit: of every control, +-; infinite where there is none.
@@ -133,6 +134,7 @@ class StreamingLaw:
     W: Float[np.ndarray, "window n m"] | None = None
     dry: Matrix | None = None
     ahead: int = 0
+    turning: int = 1
     integral: Vector | None = None
     hold_after: int = 0
     kept: Vector = field(default_factory=lambda: np.zeros(0))
@@ -140,6 +142,11 @@ class StreamingLaw:
     drives: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
     dead_time: int = 1
     base: Base = "origin"
+
+    @property
+    def slew(self) -> Vector | None:
+        """Largest change of the control against friction in a sample; None without one."""
+        return None if self.dry is None else 2 / self.turning * np.abs(self.dry).sum(axis=1)
 
     @property
     def states(self) -> int:
@@ -199,6 +206,7 @@ def streaming_law(
             law,
             dry=dry,
             ahead=controller.ahead,
+            turning=controller.turning,
             preview=controller.preview,
             integral=held,
             hold_after=controller.hold_after,

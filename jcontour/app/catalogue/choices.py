@@ -38,6 +38,7 @@ from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
 
+RINGS = 0.6  # damping ratio up to which a mode overshoots by a tenth
 SETTLING = 0.5  # [s] that integrals have to settle where a reference stands
 Flags = TypeVar("Flags", bound=Controlled)
 
@@ -127,34 +128,11 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
 def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
     """The design with the control against known dry friction, and with motors that lead.
 
-    Friction is left to the feedback where the control may not change by twice of it in a sample.
     The motors lead by half the backlash, where that is asked for.
     """
-    linear, change = machine.linear, machine.limits.increment
-    if (
-        linear is not None
-        and linear.largest_friction
-        and (change is None or np.all(2 * np.asarray(linear.friction) <= change))
-    ):
-        from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
-
-        limit = linear.limits.control
-        late = linear.known_delay + linear.middle_delay
-        coulomb = np.broadcast_to(np.asarray(linear.friction, float), len(linear.axes))
-        friction = partial(
-            FrictionFeedforward,
-            coulomb=coulomb,
-            limit=np.inf if limit is None else limit,
-            ahead=late,
-            hold_after=round(SETTLING / linear.model.dt),
-        )
-        each = ", ".join(f"{one:.6g}" for one in coulomb)
-        line = f"friction  {each} {linear.control_unit} in the direction {late} samples ahead"
-        design = design.replaced(
-            compensation=(friction,),
-            preview=max(design.preview, 1 + late),
-            beside=(line,),
-        )
+    linear = machine.linear
+    if linear is not None and linear.largest_friction:
+        design = _against_friction(design, machine)
     if not backlash:
         return design
     if linear is None or not np.any(linear.backlash):
@@ -163,6 +141,50 @@ def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
 
     leading = partial(BacklashCompensation, gap=jnp.asarray(linear.gaps))
     return design.replaced(compensation=(*design.compensation, leading))
+
+
+def _against_friction(design: Design, machine: Machine) -> Design:
+    """The design with the control against dry friction, which ramps where an axis reverses.
+
+    It takes the longest period of a mode, as no mode rings behind a ramp of its own period, or the
+    delay before the reversal and as long behind it. Where the control may not change that fast,
+    friction is left to the feedback.
+    """
+    from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
+
+    linear = machine.linear
+    assert linear is not None
+    limit, change = linear.limits.control, linear.limits.increment
+    late = linear.known_delay + linear.middle_delay
+    settled = round(SETTLING / linear.model.dt)
+    turning = max(2 * late, _longest_period(np.asarray(linear.model.A), settled), 1)
+    ahead = late + turning // 2
+    coulomb = np.broadcast_to(np.asarray(linear.friction, float), len(linear.axes))
+    if change is not None and np.any(2 / turning * coulomb > change):
+        return design
+    friction = partial(
+        FrictionFeedforward,
+        coulomb=coulomb,
+        limit=np.inf if limit is None else limit,
+        ahead=ahead,
+        hold_after=settled,
+        turning=turning,
+    )
+    each = ", ".join(f"{one:.6g}" for one in coulomb)
+    line = (
+        f"friction  {each} {linear.control_unit} in the direction {ahead} samples ahead, "
+        f"reversed in {turning} samples"
+    )
+    preview = max(design.preview, 1 + ahead)
+    return design.replaced(compensation=(friction,), preview=preview, beside=(line,))
+
+
+def _longest_period(A: np.ndarray, most: int) -> int:
+    """Of the modes that overshoot by a tenth or more, up to `most` [samples]; 0 without one."""
+    poles = np.linalg.eigvals(A).astype(complex)
+    decay, turn = -np.log(np.abs(poles)), np.angle(poles)  # per sample
+    rings = (decay <= RINGS * np.hypot(decay, turn)) & (2 * np.pi <= most * turn)
+    return round(float(2 * np.pi / turn[rings].min())) if rings.any() else 0
 
 
 def set_of(flags: Controlled) -> list[str]:

@@ -11,9 +11,11 @@ not, and the feedback removes the difference.
 
 The dry friction of the planned motion is overcome beside any controller:
 
-    u = u_c + k_c sign(v_r(k + d)),   v_r(k) = (r(k+1) - r(k)) / T
+    u = u_c + f(k),   f(k) = clip(k_c sign(v_r(k + d)), f(k-1) - s, f(k-1) + s),
+    v_r(k) = (r(k+1) - r(k)) / T
 
-d samples pass until a control moves an axis.
+d samples pass until a control moves an axis, and half of what a reversal takes at the slew rate s:
+a jump by twice the friction would shake what the control drives.
 
 `InverseFeedforward` knows a linear machine: what its feedback feeds forward itself, dry friction
 included, is subtracted along the nominal motion. So dry friction has a term of its own, outside.
@@ -131,6 +133,7 @@ class FrictionFeedforward(Wrapper):
         coulomb: k_c, in the unit of the control: one number, or one for each axis.
         limit: of the whole control, +-: one number or one for each; none when infinite.
         ahead: d [samples], at least zero.
+        turning: samples n of a reversal, at least one; the slew rate is 2 k_c / n.
         hold_after: samples for which the reference has to stand until integrals are held: dry
             friction would make them break loose again and again. None are when zero.
 
@@ -143,6 +146,7 @@ class FrictionFeedforward(Wrapper):
     limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
     ahead: int = eqx.field(static=True, default=0)
     hold_after: int = eqx.field(static=True, default=0)
+    turning: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_limit(self.limit)
@@ -153,11 +157,12 @@ class FrictionFeedforward(Wrapper):
         return max(self.controller.preview, 1 + self.ahead)
 
     def prepare(self, reference: Reference) -> FrictionPlan:
-        friction = self.against(reference)
-        sample = jnp.arange(len(friction))
-        moves = jnp.any(friction != 0, axis=1)
+        directions = self.directions(reference)
+        sample = jnp.arange(len(directions))
+        moves = jnp.any(directions != 0, axis=1)
         last = jax.lax.cummax(jnp.where(moves, sample, -1))
         stands = (sample - last >= self.hold_after) & (self.hold_after > 0)
+        friction = self.against(reference)
         return FrictionPlan(self.controller.prepare(reference), friction, stands)
 
     def against(self, reference: Reference) -> Float[Array, "T p"]:
@@ -166,9 +171,20 @@ class FrictionFeedforward(Wrapper):
         Raises:
             ValueError: the reference looks less far ahead than this does.
         """
+        wanted, most = self.directions(reference), 2 / self.turning
+
+        def eased(before, now):
+            turned = jnp.clip(now, before - most, before + most)
+            return turned, turned
+
+        start = direction(reference.start_increment[None])[0]
+        return jnp.atleast_1d(self.coulomb)[None] * jax.lax.scan(eased, start, wanted)[1]
+
+    def directions(self, reference: Reference) -> Float[Array, "T m"]:
+        """Direction in which the axes are to move d samples ahead, 0 where they stand."""
         check_preview(self, reference)
         rows = reference.position[self.ahead : self.ahead + reference.steps + 1]
-        return jnp.atleast_1d(self.coulomb)[None] * direction(jnp.diff(rows, axis=0))
+        return direction(jnp.diff(rows, axis=0))
 
     def step(
         self, memory: Any, plan: FrictionPlan, measurement: Any

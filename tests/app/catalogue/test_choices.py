@@ -32,7 +32,7 @@ from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.plain_numbers import WholePath
 from jcontour.controller import Controller
-from jcontour.motion.references import along
+from jcontour.motion.references import along, from_samples
 from jcontour.plants import Encoders
 from jcontour.simulation.closed_loop import prepared, simulate
 from tuning.parameters import Weight
@@ -230,6 +230,32 @@ def test_known_friction_is_fed_forward(tmp_path, machine_fields, controller):
     unfed = np.abs(places(machine.mechanics, design.build) - smooth)
     assert fed.mean() < 0.3 * unfed.mean()
     assert "in the direction 0 samples ahead" in design.lines(design.start)[-1]
+
+
+def test_a_reversed_friction_leaves_a_mode_calm(tmp_path, machine_fields):
+    """A ramp of its period: what rings behind a jump cancels."""
+    radius, turn = 0.998, 2 * np.pi / 20  # 25 Hz at 2 ms
+    gain = (1 - 2 * radius * np.cos(turn) + radius**2) / 2
+    A = np.kron(np.eye(2), [[2 * radius * np.cos(turn), 1.0], [-(radius**2), 0.0]])
+    B, C = np.kron(np.eye(2), [[gain], [gain]]), np.kron(np.eye(2), [[1.0, 0.0]])
+    matrices = {"A": A.tolist(), "B": B.tolist(), "C": C.tolist(), "friction": 0.01}
+    (tmp_path / "soft.json").write_text(json.dumps(machine_fields | matrices))
+    machine = machine_named(str(tmp_path / "soft.json"))
+    design = design_for(machine, Simulate(controller="linear-cascade-feedforward"))
+    there = np.concatenate([np.arange(60), np.arange(60)[::-1]]) * 1e-4
+    path, along_x = np.stack([there, 0 * there], 1), np.tile([1.0, 0.0], (120, 1))
+    reference = from_samples(path, along_x, 2e-3, design.preview)
+    controls = design.complete(design.start).against(reference)[:, 0]
+
+    def rings(controls):
+        x, places = np.linalg.solve(np.eye(4) - A, 0.01 * B[:, 0]), []
+        for control in [*controls, *np.full(40, controls[-1])]:
+            x = A @ x + B[:, 0] * control
+            places.append(x[0])
+        return np.ptp(places[-40:])
+
+    jump = 0.01 * np.where(np.arange(len(controls)) < 60, 1.0, -1.0)
+    assert rings(controls) < 0.1 * rings(jump)
 
 
 @pytest.mark.slow

@@ -69,8 +69,8 @@ def controllers():
     rubbed = CascadeGains(30.0, 20.0, 0.02, 1.0, coulomb=0.3)
     rubbed = Cascade(rubbed, motors(2), table.dt, np.full(2, LIMIT))
     actual["friction"] = SpeedByDifference(rubbed, Sensors([0, 1]), table.dt)
-    actual["sliding"] = FrictionFeedforward(actual["riccati"], [0.3, 0.2], LIMIT, 12, 5)
-    actual["sliding cascade"] = FrictionFeedforward(actual["cascade"], 0.3, LIMIT, 3, 5)
+    actual["sliding"] = FrictionFeedforward(actual["riccati"], [0.3, 0.2], LIMIT, 12, 5, 8)
+    actual["sliding cascade"] = FrictionFeedforward(actual["cascade"], 0.3, LIMIT, 3, 5, 6)
     loops = {name: (one, table) for name, one in actual.items()}
     held = ContouringLQ(drives, LQWeights(1.0, 10.0, 0.1), 10)
     return loops | {"drives": (observed(held, drives, 1e-6), drives)}

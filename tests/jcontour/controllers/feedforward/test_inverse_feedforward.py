@@ -137,6 +137,18 @@ def test_it_is_a_step_against_every_direction(reference, two_axes):
     np.testing.assert_array_equal(np.asarray(one.friction)[:, 1], -0.5 * signs)
 
 
+def test_a_reversal_takes_its_samples_around_the_planned_one(two_axes):
+    """From rest to the friction in half of them; no sample changes by more than their share."""
+    steps = np.concatenate([np.zeros(10), np.full(20, 1e-4), np.full(20, -1e-4), np.zeros(10)])
+    path = np.concatenate([[0.0], np.cumsum(steps)])[:, None]
+    reference = from_samples(path, np.ones((61, 1)), DT, preview=5, in_motion=False)
+    loops = Cascade(GAINS, motors(1), DT)
+    friction = FrictionFeedforward(loops, 0.5, ahead=4, turning=8).prepare(reference).friction
+    # sample k moves under the control of sample k: 10, 30 and 50 are in the middle of a ramp
+    wanted = np.interp(np.arange(56), [5, 9, 25, 33, 45, 49], [0, 0.5, 0.5, -0.5, -0.5, 0])
+    np.testing.assert_allclose(np.asarray(friction)[:, 0], wanted, atol=1e-12)
+
+
 def test_it_is_the_cascade_s_own_term_outside(reference, two_axes):
     """Without an inverse between them both are the same."""
     plant = _read(two_axes)
