@@ -33,6 +33,7 @@ FINEST = 2e-6  # [m] of a deviation: to take less of it is not worth another pla
 LESS = 7.0  # times less of the tolerance in the next plan
 TRIES = 6  # plans with less of the tolerance
 REACHED = 0.98  # of the feed or of a speed: there it acts
+AT_ONCE = 16_384  # pieces whose limits are looked at
 AT_ONE_TIME = 1e-9  # of the duration: times that are so near are the same
 LIMITS = ("feed", "speed", "acceleration", "jerk", "tolerance")
 
@@ -203,10 +204,13 @@ def _better_stopped(
     stretch = np.searchsorted(middle, 0.5 * (ends[1:] + ends[:-1]))
     blended = np.diff(motion.stopped)
     # Length, speed, acceleration and jerk of every leg, and a bound of its time [s]
-    direction, bend, _ = everywhere(pieces)
+    allowed = np.empty((4, feed.size))
     with np.errstate(divide="ignore", over="ignore"):
-        speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
-        turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))
+        for part in (slice(k, k + AT_ONCE) for k in range(0, feed.size, AT_ONCE)):
+            direction, bend, _ = np.abs(everywhere(pieces.taken(part)))
+            rows = [limit / direction for limit in limits] + [limits.acceleration / bend]
+            allowed[:, part] = [row.min(-1).max(0) for row in rows]
+    speed, acceleration, jerk, turning = *allowed[:3], np.sqrt(allowed[3])
     speed = np.minimum(np.minimum(feed, speed), turning)
     length = np.add.reduceat(pieces.extent, first)
     cruise = np.add.reduceat(pieces.extent / speed, first)

@@ -15,6 +15,7 @@ Between two points that are h apart the difference of the two is at most h^2 / 8
 derivative farther than at both of them.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ PER_CELL = 32  # pieces between two knots, at first
 ROUNDS = 40  # of halving
 CLOSEST = 0.05  # of the tolerance: a curve that is so close is close enough
 MANY = 4  # times as many knots as the tolerance takes: more would follow the rounding
+AT_ONCE = 8192  # pieces of runs, or those of one longer run
 FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
 
 
@@ -117,8 +119,33 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
         asked: feed of every piece of the runs, and limits. Curves are about as close as that lets
             them be, as close as the tolerance alone wants them when not given.
     """
+    edges = runs.edges
+    tolerance = np.broadcast_to(np.asarray(tolerance, float), edges.size - 1)
+    # some runs at a time: the arrays of one round then take the place of those of the last
+    first = np.flatnonzero(np.diff(edges[:-1] // AT_ONCE, prepend=-1))
+    curves = []
+    for begin, end in pairwise([*first.tolist(), edges.size - 1]):
+        some = slice(edges[begin], edges[end])
+        own = Runs(
+            runs.pieces.taken(some),
+            runs.of[some] - begin,
+            runs.ends[edges[begin] : edges[end] + 1],
+            runs.tangents[:, begin:end],
+        )
+        on_own = asked and asked._replace(feed=asked.feed[some])
+        part = _followed(own, tolerance[begin:end], on_own, FIT * tolerance.min())
+        curves.append(part._replace(run=part.run + begin))
+    fits, run, deviation = zip(*curves, strict=True)
+    rows = [np.concatenate(row) for row in list(zip(*fits, strict=True))[:-1]]
+    fit = Fit(*rows, max(one.error for one in fits))
+    return Curves(fit, np.concatenate(run), np.concatenate(deviation))
+
+
+def _followed(
+    runs: Runs, tolerance: Float[np.ndarray, " R"], asked: Asked | None, near_spline: float
+) -> Curves:
+    """Curves of some runs, whose quintic pieces are so near to the splines [m]."""
     count = np.diff(runs.edges)
-    tolerance = np.broadcast_to(np.asarray(tolerance, float), count.shape)
     most, wanted = np.full(count.size, np.inf), tolerance
     room = count  # for knots
     size = np.maximum(1, count // PER_CELL) + 1  # knots at first
@@ -151,7 +178,7 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
         wanted = np.where(closer, 0.5 * farthest, wanted)
         far = np.unique(sampled.cell[~(distance <= wanted[of])])
         splines = splines.halved(far).only(closer | (open_ & ~near))
-    return _curves(runs, rounds, most, FIT * tolerance.min())
+    return _curves(runs, rounds, most, near_spline)
 
 
 def _easy(

@@ -5,6 +5,7 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.geometry.contour import unpadded
+from jcontour.motion import runs as follower
 from jcontour.motion.jerk_limited.limits import EASE, Asked, AxisLimits, everywhere
 from jcontour.motion.runs import CLOSEST, PER_CELL, Runs, followed
 
@@ -52,6 +53,20 @@ def test_every_run_is_followed_within_the_tolerance_from_end_to_end():
         where = places_of(curves.fit, curves.run == k)
         np.testing.assert_allclose(where[[0, -1]], points[[0, -1]], atol=1e-13)
         assert distance_from(points, where).max() <= curves.deviation[k] <= 1.01 * TOLERANCE
+
+
+def test_runs_followed_a_few_at_a_time_are_those_of_all_together(monkeypatch):
+    runs, feeds = runs_of(*MANY), np.repeat([0.1, 0.2, 0.3, 0.05], [len(row) - 1 for row in MANY])
+    whole = followed(runs, TOLERANCE, Asked(feeds, LIMITS))
+    monkeypatch.setattr(follower, "AT_ONCE", 100)
+    parts = followed(runs, TOLERANCE, Asked(feeds, LIMITS))
+    np.testing.assert_array_equal(parts.run, whole.run)
+    np.testing.assert_allclose(parts.deviation, whole.deviation, atol=1e-3 * TOLERANCE)
+    np.testing.assert_allclose(parts.fit.begin, whole.fit.begin, rtol=1e-12)
+    np.testing.assert_allclose(parts.fit.extent, whole.fit.extent, rtol=1e-9)
+    every = np.arange(whole.run.size)
+    np.testing.assert_allclose(places_of(parts.fit, every), places_of(whole.fit, every), atol=1e-12)
+    assert parts.fit.error == pytest.approx(whole.fit.error, rel=1e-3)
 
 
 def test_a_run_does_not_feel_the_others():
