@@ -182,7 +182,8 @@ def _against_friction(design: Design, machine: Machine) -> Design:
 def _longest_period(A: np.ndarray, most: int) -> int:
     """Of the modes that overshoot by a tenth or more, up to `most` [samples]; 0 without one."""
     poles = np.linalg.eigvals(A).astype(complex)
-    decay, turn = -np.log(np.abs(poles)), np.angle(poles)  # per sample
+    decay = -np.log(np.maximum(np.abs(poles), 1e-300))  # per sample, as the turn; delays end at 0
+    turn = np.angle(poles)
     rings = (decay <= RINGS * np.hypot(decay, turn)) & (2 * np.pi <= most * turn)
     return round(float(2 * np.pi / turn[rings].min())) if rings.any() else 0
 
