@@ -19,6 +19,8 @@ from jcontour.bounds.disturbed_loop import Box, DisturbedLoop, disturbed_loop
 from jcontour.bounds.peak_bounds import Attack, peak_bounds, worst_attack
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
+from jcontour.controllers.wrappers.adapters import BacklashCompensation
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_kinds
@@ -113,7 +115,7 @@ def certificate(
     frames = frames_along(reference, loop.output)
     rows = frames.basis @ np.asarray(loop.C)
     spread, control = _peaks(loop, rows, box)
-    _check_limits(plant, controller, control, box)
+    check_limits(plant, controller, control, box)
     if spread.shape[1] == 1:
         nominal, bound = frames.lag, frames.lag + spread[:, 0]
     else:
@@ -137,15 +139,24 @@ def _peaks(
     return peaks[:, :m], (1 + ROUNDING) * controls
 
 
-def _check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:
-    """Raise NotAffine where a control may reach a limit, or what limits is not the control."""
+def check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:
+    """Raise NotAffine where a control may reach a limit, or what limits is not the control.
+
+    The part of a controller under the control against friction is at most that larger.
+    """
+    own = control
+    while isinstance(controller, FrictionFeedforward | BacklashCompensation):
+        if isinstance(controller, FrictionFeedforward):
+            _check_below(own, np.asarray(controller.limit))
+            own = own + np.asarray(controller.coulomb)
+        controller = controller.controller
     for name, limit in _limits(controller):
         if name != ".limit" or isinstance(controller, Cascade):
             raise NotAffine(
                 f"{type(controller).__name__}: it has no exact bound, {name} limits more than the "
                 "control; leave the limit out"
             )
-        _check_below(control, limit)
+        _check_below(own, limit)
     for _, limit in _limits(plant):
         _check_below(control + box.force, limit)
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from jcontour.bounds.affine import NotAffine
-from jcontour.bounds.certificates import certificate
+from jcontour.bounds.certificates import certificate, check_limits
 from jcontour.bounds.disturbed_loop import Box
 from jcontour.bounds.peak_bounds import coefficients
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import (
     OffsetFreeObserver,
@@ -116,6 +117,16 @@ def test_a_limit_that_may_be_reached_is_told(two_axes):
         NotAffine, match=r"limit: a control of up to .* may reach its limit of 0\.1"
     ):
         certificate(Encoders(two_axes), offset_free(two_axes, 0.1), reference, BOX)
+
+
+def test_the_control_under_that_against_friction_keeps_its_limit_too(two_axes):
+    """It may be larger than their sum by all of the other."""
+    plant = Encoders(two_axes)
+    controller = FrictionFeedforward(offset_free(two_axes, 10.0), 0.5, limit=9.8)
+    check_limits(plant, controller, np.full((5, 2), 9.4), BOX)
+    for reached, limit in ((9.6, "10"), (9.9, "9.8")):
+        with pytest.raises(NotAffine, match=f"may reach its limit of {limit}, first at sample 0"):
+            check_limits(plant, controller, np.full((5, 2), reached), BOX)
 
 
 @pytest.mark.slow
