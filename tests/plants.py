@@ -8,7 +8,7 @@ from jcontour.app.machines.flexible_axis import biaxial_axes
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.app.machines.machine import Machine
 from jcontour.plant import Plant
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.emps import emps_table
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis

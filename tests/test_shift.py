@@ -28,16 +28,18 @@ from jcontour.motion.references import along
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
+from jcontour.plant import Remembering, Wrapper
 from jcontour.plants.actuation import (
     Backlash,
+    Delayed,
     Disturbed,
     ElastoplasticFriction,
     Gained,
+    PartlyDelayed,
     Saturated,
     WithDryFriction,
     with_dry_friction,
 )
-from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import (
     CountingEncoders,
     Encoders,
@@ -49,7 +51,6 @@ from jcontour.plants.friction import Friction
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import Numbered
-from jcontour.wrapper import Remembering, Wrapper
 
 STEPS = 5
 SHIFT = 1.0  # [m]: whole counts of all encoders

@@ -42,13 +42,12 @@ from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
-from jcontour.plant import Plant
+from jcontour.plant import Plant, Wrapper
 from jcontour.plants.encoders import CountingEncoders, FineEncoders, Sensed
 from jcontour.plants.friction import without_dry_friction
 from jcontour.sensors import row
 from jcontour.simulation.closed_loop import check_run, start_state
 from jcontour.simulation.evaluation import member
-from jcontour.wrapper import Wrapper
 
 
 class LoopPeaks(NamedTuple):

@@ -1,10 +1,10 @@
+from .actuation import Delayed as Delayed
 from .actuation import Disturbed as Disturbed
 from .actuation import Gained as Gained
 from .actuation import Saturated as Saturated
 from .arms import ThreeLink as ThreeLink
 from .arms import TwoLinkArm as TwoLinkArm
 from .arms import manipulator_path as manipulator_path
-from .delays import Delayed as Delayed
 from .encoders import CountingEncoders as CountingEncoders
 from .encoders import Encoders as Encoders
 from .encoders import Quantised as Quantised

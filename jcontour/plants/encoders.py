@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from jcontour.plant import State
+from jcontour.plant import Remembering, State, Wrapper
 from jcontour.sensors import Sensors
-from jcontour.wrapper import Remembering, Wrapper
 
 
 def _fixed(resolution: ArrayLike | tuple[float, ...]) -> float | tuple[float, ...]:

@@ -20,11 +20,10 @@ from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
 from jcontour.linear.plant import AffinePlan, LinearPlant, operating_point
 from jcontour.motion.references import Reference, pad
-from jcontour.plant import Plant
+from jcontour.plant import Plant, Wrapper
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan
 from jcontour.simulation.closed_loop import check_kinds, check_run, follow
 from jcontour.simulation.metrics import score_signals
-from jcontour.wrapper import Wrapper
 
 # Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
 # it runs them again, which costs 40 % of its time.

@@ -26,8 +26,7 @@ from jcontour.geometry.contours import circle, polyline
 from jcontour.linear.plant import LinearPlant, SteadyMotion, spectral_radius, steady_motion
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along, from_samples
-from jcontour.plants.actuation import Disturbed
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed, Disturbed
 from jcontour.plants.encoders import Encoders
 from jcontour.plants.linear_machines import bridgeport
 from jcontour.riccati.receding_horizon import CostToGo, one_stage_back

@@ -15,7 +15,7 @@ from jcontour.controllers.observers.kalman import (
 from jcontour.geometry.contours import circle, line, polygon
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.linear_machines import bridgeport

@@ -13,7 +13,7 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, polyline
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along, from_samples
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning import tuner

@@ -26,6 +26,7 @@ from jcontour.linear.plant import spectral_radius
 from jcontour.linear.transformations import zoh
 from jcontour.motion import PointToPoint, from_samples, in_time, thesis_task_a
 from jcontour.mpc import BoundedMPC, KeptRows, Limits, TrackingMPC, TrackingWeights, machine_run
+from jcontour.plant import Wrapper
 from jcontour.plants import FlexibleAxis, euler_model, thesis_axis
 from jcontour.sensors import motors
 from jcontour.sets import (
@@ -39,7 +40,6 @@ from jcontour.sets import (
 )
 from jcontour.sets.invariant_polytopes import box
 from jcontour.sets.least_peaks import NoResponse
-from jcontour.wrapper import Wrapper
 
 CASCADE = CascadeGains(30.0, 38.21, 0.04)  # k_pp [1/s], k_pv [As/m], T_iv [s], section 4.3.2
 NOTCH = (87.0, 0.80, 0.18)  # frequency [rad/s] of section 3.4.2; gain and damping in print

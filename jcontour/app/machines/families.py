@@ -27,8 +27,7 @@ from jcontour.app.machines.uncertainty import (
 )
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Disturbed, Gained
-from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.actuation import Delayed, Disturbed, Gained, PartlyDelayed
 from jcontour.plants.encoders import CountingEncoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 

@@ -24,7 +24,7 @@ from experiments.papers.verdicts import Verdict
 from jcontour.analysis.stability import frozen_spectral_radii
 from jcontour.app.files.results.stored import to_json
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.simulation.closed_loop import prepared
 
 DATA = Path(__file__).parents[2] / "data" / "mcnab"

@@ -8,8 +8,7 @@ from jcontour.controllers.feedback.sliding_mode import AdaptiveRobust, RobustPla
 from jcontour.controllers.lq.contouring_lq import LQWeights
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
-from jcontour.plants.actuation import Saturated
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed, Saturated
 from jcontour.plants.encoders import Encoders
 from jcontour.sensors import motors
 

@@ -11,7 +11,7 @@ from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.peak_search import loop_measures
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.evaluation import stack_plants

@@ -20,7 +20,7 @@ from jcontour.controllers.observers.kalman import (
 )
 from jcontour.geometry.contours import circle, ellipse, line, polygon
 from jcontour.motion.references import along
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis, zoh_model
 from jcontour.sensors import motors

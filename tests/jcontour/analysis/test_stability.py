@@ -28,8 +28,7 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import along
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Saturated
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed, Saturated
 from jcontour.plants.encoders import Encoders
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import prepared

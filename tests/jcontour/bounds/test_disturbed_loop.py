@@ -15,8 +15,7 @@ from jcontour.geometry.contours import polygon
 from jcontour.motion.references import along
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
-from jcontour.plants.actuation import Disturbed
-from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.actuation import Delayed, Disturbed, PartlyDelayed
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.simulation.closed_loop import simulate
 

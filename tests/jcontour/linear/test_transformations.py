@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 from jcontour.linear.transformations import velocity_form, with_input_delay, with_input_gains, zoh
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.gantry.gantry import thesis_gantry
 from jcontour.plants.gantry.linear_models import motor_model
 from jcontour.plants.linear_machines import bridgeport

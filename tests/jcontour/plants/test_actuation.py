@@ -23,14 +23,15 @@ from jcontour.plants import bridgeport
 from jcontour.plants.actuation import (
     SLOWEST,
     Backlash,
+    Delayed,
     Disturbed,
     ElastoplasticFriction,
     Gained,
+    PartlyDelayed,
     Saturated,
     WithDryFriction,
     with_dry_friction,
 )
-from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import CountingEncoders, Encoders
 from jcontour.plants.friction import without_dry_friction
 from jcontour.sensors import Sensors

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.actuation import Delayed, PartlyDelayed
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2])

@@ -10,7 +10,7 @@ from jcontour.geometry.contours import circle, line, polyline
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
 from jcontour.plant import Plant
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import (

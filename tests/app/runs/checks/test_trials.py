@@ -36,8 +36,7 @@ from jcontour.geometry.contours import circle, line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.plants import bridgeport
-from jcontour.plants.actuation import Saturated
-from jcontour.plants.delays import Delayed
+from jcontour.plants.actuation import Delayed, Saturated
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import member, stack_references
 from jcontour.simulation.metrics import score
