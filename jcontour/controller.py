@@ -14,6 +14,8 @@ from jcontour.motion.references import Reference
 
 Memory = Any  # any pytree of arrays
 Plan = Any  # any pytree of arrays with a leading axis of T steps
+Axes = Float[Array, " m"]
+PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 # laws that the contract tests hold every controller of the catalogue to
 Law = Literal["same bits", "jit", "host", "vmap", "gradient", "rest", "restart", "shift"]
 

@@ -91,6 +91,11 @@ class Wrapper(Plant):
         """Axes along which the wrapped plant is the same at any place."""
         return self.plant.alike_everywhere
 
+    @property
+    def force_terms(self) -> dict[str, Array]:
+        """Numbers of a force that the wrapper adds, by their names in exported code."""
+        return {}
+
     def initial_state(self, position, increment) -> State:
         """State of the wrapped plant in steady motion."""
         return self.plant.initial_state(position, increment)

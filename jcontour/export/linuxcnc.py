@@ -8,15 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from jcontour.export.rendering import Code
-from jcontour.export.streaming_law import Matrix, Vector
+from jcontour.export.streaming_law import Vector
 from jcontour.linear.plant import LinearPlant, spectral_radius
-from jcontour.plant import Plant
-from jcontour.plants.actuation import ElastoplasticFriction, WithDryFriction
+from jcontour.plant import Plant, Wrapper
 
 LETTERS = "XYZABCUVW"
 TOOLS = 99  # without length or diameter: programs that change tools run
@@ -159,32 +156,15 @@ def linuxcnc_files(
 
 def _model(machine: Plant, count: Vector) -> dict[str, Any]:
     """Matrices of the machine; friction of zero where it has none."""
-    held = machine if isinstance(machine, ElastoplasticFriction) else None
-    machine = machine if held is None else held.plant
-    model = machine.plant if isinstance(machine, WithDryFriction) else machine
-    if not isinstance(model, LinearPlant):
-        raise ValueError(f"linuxcnc: needs a linear machine, received {type(model).__name__}")
-    A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
-    m, n = C.shape
-    entry, speed = np.zeros((n, m)), np.zeros((m, n))
-    sharpness, friction, sticking, stiffness = np.zeros((4, m))
-    if isinstance(machine, WithDryFriction):
-        parts = machine.entry, machine.speed, machine.sharpness
-        entry, speed, sharpness = (np.asarray(one, float) for one in parts)
-        friction = np.asarray(machine.friction.dry(jnp.ones(m)), float)
-    if held is not None:
-        entry, stiffness = (np.asarray(one, float) for one in (held.entry, held.stiffness))
-        sticking = np.broadcast_to(np.asarray(held.friction.coulomb, float), m)
-    matrices: list[tuple[str, Matrix | Float[np.ndarray, " m"]]] = [
-        ("A", A),
-        ("B", B),
-        ("C", C),
-        ("ENTRY", entry),
-        ("SPEED", speed),
-        ("STICKING", sticking),
-        ("STIFFNESS", stiffness),
-        ("SHARPNESS", sharpness),
-        ("FRICTION", friction),
-        ("COUNT", count),
-    ]
-    return {"A": A, "B": B, "C": C, "matrices": matrices}
+    terms: dict[str, Any] = {}
+    while isinstance(machine, Wrapper) and machine.force_terms:
+        terms, machine = machine.force_terms | terms, machine.plant
+    if not isinstance(machine, LinearPlant):
+        raise ValueError(f"linuxcnc: needs a linear machine, received {type(machine).__name__}")
+    m, n = machine.C.shape
+    shapes = {"ENTRY": (n, m), "SPEED": (m, n)}
+    shapes |= dict.fromkeys(("STICKING", "STIFFNESS", "SHARPNESS", "FRICTION"), (m,))
+    model = {"A": machine.A, "B": machine.B, "C": machine.C}
+    none = {name: np.zeros(shape) for name, shape in shapes.items()}
+    matrices = {k: np.asarray(one, float) for k, one in (model | none | terms).items()}
+    return matrices | {"matrices": [*matrices.items(), ("COUNT", count)]}

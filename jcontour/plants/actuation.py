@@ -156,6 +156,12 @@ class WithDryFriction(Wrapper):
     sharpness: Float[Array, " m"]
     friction: Friction
 
+    @property
+    def force_terms(self) -> dict[str, Array]:
+        dry = self.friction.dry(jnp.ones(len(self.sharpness)))
+        parts = self.entry, self.speed, self.sharpness, dry
+        return dict(zip(("ENTRY", "SPEED", "SHARPNESS", "FRICTION"), parts, strict=True))
+
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u - E f."""
         speed = small_product(self.speed, state)
@@ -184,6 +190,11 @@ class ElastoplasticFriction(Remembering):
     outputs: Float[Array, "m n"]
     stiffness: Float[Array, " m"]
     friction: Friction
+
+    @property
+    def force_terms(self) -> dict[str, Array]:
+        limit = jnp.broadcast_to(self.friction.coulomb, self.stiffness.shape)
+        return {"ENTRY": self.entry, "STIFFNESS": self.stiffness, "STICKING": limit}
 
     def initial_state(self, position, increment) -> tuple:
         """Steady motion of the plant, under the friction where it moves."""

@@ -32,7 +32,9 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._arrays import check_signs
 from jcontour.controller import (
+    Axes,
     Controller,
+    PerAxis,
     check_axes,
     check_limit,
     check_period,
@@ -41,9 +43,6 @@ from jcontour.controller import (
 )
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-
-Axes = Float[Array, " m"]
-PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 
 
 class CascadeGains(eqx.Module):

@@ -43,7 +43,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._arrays import check_signs, is_concrete
-from jcontour.controller import Controller, numbers
+from jcontour.controller import Axes, Controller, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commanded, direction
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.controllers.wrappers.adapters import WithoutLearning
@@ -220,9 +220,6 @@ def riccati_surface(
     check_dare(model.A, model.B, Q, R)
     P = dare(model.A, model.B, Q, R)
     return model.B.T @ P, lqr_gain(model.A, model.B, P, R)
-
-
-Axes = Float[Array, " m"]
 
 
 class DynamicSurface(Controller):

@@ -87,9 +87,7 @@ class PreviewFilter(eqx.Module):
         Raises:
             ValueError: the reference has fewer preview samples than the filter.
         """
-        self._check_preview(reference)
-        last = reference.steps + self.preview
-        return self.filtered(reference.position[:last], reference.start_increment)
+        return self.before_and_of(reference)[self.preview :]
 
     def before_and_of(self, reference: Reference) -> Float[Array, "both m"]:
         """Filtered positions from `preview` samples before the first control step on.
@@ -97,7 +95,11 @@ class PreviewFilter(eqx.Module):
         Raises:
             ValueError: as `of`.
         """
-        self._check_preview(reference)
+        if reference.preview < self.preview:
+            raise ValueError(
+                f"preview: the filter looks {self.preview} samples ahead, "
+                f"the reference was made with {reference.preview}"
+            )
         last = reference.steps + self.preview
         return self._whole(reference.position[:last], reference.start_increment)
 
@@ -125,13 +127,6 @@ class PreviewFilter(eqx.Module):
         gain, slope = n / d, (dn * d - n * dd) / d**2
         out = gain[None] * (start[None] + count * increment[None]) - (slope * increment)[None]
         return out + causal(top, below, samples - steady)
-
-    def _check_preview(self, reference: Reference) -> None:
-        if reference.preview < self.preview:
-            raise ValueError(
-                f"preview: the filter looks {self.preview} samples ahead, "
-                f"the reference was made with {reference.preview}"
-            )
 
     def _rows(self, axes: int) -> tuple[Float[Array, "m c"], Float[Array, "m d"]]:
         """Numerator and denominator of every axis."""

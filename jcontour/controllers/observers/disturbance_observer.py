@@ -42,7 +42,9 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import (
+    Axes,
     Controller,
+    PerAxis,
     Wrapper,
     check_axes,
     check_limit,
@@ -55,8 +57,6 @@ from jcontour.linear.plant import LinearPlant, check_stable
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors, row
 
-Axes = Float[Array, " m"]
-PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 BUTTERWORTH = np.sqrt(0.5)  # damping of the flattest low pass of second order
 
 

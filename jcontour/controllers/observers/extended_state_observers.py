@@ -24,12 +24,17 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._arrays import check_signs, is_concrete
-from jcontour.controller import Controller, Wrapper, check_axes, check_period, numbers
+from jcontour.controller import (
+    Axes,
+    Controller,
+    PerAxis,
+    Wrapper,
+    check_axes,
+    check_period,
+    numbers,
+)
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-
-Axes = Float[Array, " m"]
-PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 
 
 class Estimate(NamedTuple):
@@ -82,7 +87,7 @@ class ExactLESO(ExtendedStateObserver):
         """exp(F T) = exp(-w T) (I + N T + N^2 T^2 / 2), N = F + w I nilpotent."""
         w, T = self.bandwidth, self.dt
         limit = Estimate(before, jnp.zeros_like(before), -self.input_gain * control)
-        away = _difference(estimate, limit)
+        away = jax.tree.map(jnp.subtract, estimate, limit)
         once = _nilpotent(away, w)
         twice = _nilpotent(once, w)
 
@@ -110,7 +115,7 @@ class EulerLESO(ExtendedStateObserver):
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
         """Estimate + T F (estimate - limit)."""
         limit = Estimate(before, jnp.zeros_like(before), -self.input_gain * control)
-        rates = _rates(_difference(estimate, limit), self.bandwidth)
+        rates = _rates(jax.tree.map(jnp.subtract, estimate, limit), self.bandwidth)
         return jax.tree.map(lambda z, rate: z + self.dt * rate, estimate, rates)
 
 
@@ -212,10 +217,6 @@ class DisturbanceRejection(Wrapper):
         inner, control = self.controller.step(memory.inner, plan, measurement)
         control = control - estimate.disturbance / self.observer.input_gain
         return RejectionMemory(estimate, control, measured, inner), control
-
-
-def _difference(a: Estimate, b: Estimate) -> Estimate:
-    return jax.tree.map(jnp.subtract, a, b)
 
 
 def _rates(d: Estimate, w: PerAxis) -> Estimate:

@@ -26,13 +26,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._arrays import check_signs
-from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
+from jcontour.controller import (
+    Controller,
+    PerAxis,
+    check_axes,
+    check_period,
+    checked_period,
+    numbers,
+)
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.controllers.wrappers.adapters import WithoutLearning
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-
-PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 
 
 class SynchronisedGains(eqx.Module):
