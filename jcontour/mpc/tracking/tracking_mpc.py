@@ -26,7 +26,7 @@ from jcontour.controllers.lq.contouring_lq import (
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant, SteadyMotion, operating_point, steady_motion
 from jcontour.motion.references import Reference
-from jcontour.mpc.tracking.condense import Condensed, Prediction, TerminalMaps, Window, predict
+from jcontour.mpc.tracking.condense import Condensed, TerminalMaps, Window, predict
 from jcontour.mpc.tracking.forms import AbsoluteForm, Form
 from jcontour.mpc.tracking.limits import Limits, full_limits
 from jcontour.qp.problem import QP, Solution, check_weight
@@ -120,7 +120,11 @@ class TrackingMPC(HostController):
         if penalty is not None and not (np.isfinite(penalty) and penalty > 0):
             raise ValueError(f"penalty: needs to be finite and above zero, received {penalty}")
         self.form.check_weights(self._R, self._S)
-        self._P, maps = self._terminal(predict(model, self.preview))
+        prediction = predict(model, self.preview)
+        self._P, maps = self._Q_max, (prediction.Fy[-1], prediction.Gy[-1])
+        if isinstance(self.terminal, RiccatiTerminal):
+            self._P = self.form.riccati(model, self._Q_max, self._R, self._S)
+            maps = self.form.terminal_maps(prediction)
         self._condensed = self._with_penalty(maps, penalty)
         if penalty is None:
             self._softened = self._with_penalty(maps, EXACT_PENALTY)
@@ -140,7 +144,10 @@ class TrackingMPC(HostController):
         across = np.eye(position.shape[1]) - tangent[:, :, None] * tangent[:, None, :]
         Q = self._Q + self.weights.contour * across
         end, before = position[N : N + steps], position[N - 1 : N - 1 + steps]
-        P, xi_d = self._terminal_plan(Q[N : N + steps], end, end - before)
+        P, xi_d = Q[N : N + steps], end
+        if isinstance(self.terminal, RiccatiTerminal):
+            P = np.broadcast_to(self._P, (steps, *self._P.shape))
+            xi_d = self.form.terminal_target(self._motion, end, end - before)
         held = np.asarray(operating_point(self.model, reference.position[0]).control)
         return Window(
             _windows(Q[1:], N - 1, steps),
@@ -238,20 +245,6 @@ class TrackingMPC(HostController):
     def _motion(self) -> SteadyMotion:
         given = self.terminal.motion if isinstance(self.terminal, RiccatiTerminal) else None
         return steady_motion(self.model) if given is None else given
-
-    def _terminal(self, prediction: Prediction) -> tuple[np.ndarray, tuple]:
-        """P, and the maps to xi_N: the last output, or under the Riccati cost the form's."""
-        if not isinstance(self.terminal, RiccatiTerminal):
-            return self._Q_max, (prediction.Fy[-1], prediction.Gy[-1])
-        P = self.form.riccati(self.model, self._Q_max, self._R, self._S)
-        return P, self.form.terminal_maps(prediction)
-
-    def _terminal_plan(self, Q_N, end, increment) -> tuple[np.ndarray, np.ndarray]:
-        """P and xi_d of every step."""
-        if not isinstance(self.terminal, RiccatiTerminal):
-            return Q_N, end
-        P = np.broadcast_to(self._P, (len(end), *self._P.shape))
-        return P, self.form.terminal_target(self._motion, end, increment)
 
     def _with_penalty(self, maps: tuple, penalty: float | None) -> Condensed:
         return Condensed(
