@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Complex, Float
 
 from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import (
@@ -67,7 +67,9 @@ def loop_measures(
         Values, and their derivatives with respect to the matrices of the loop (*loops, 4, ...).
     """
     loop = jax.tree.map(lambda matrix: np.asarray(matrix, float), loop)
-    finite = _finite(loop)
+    matrices = [*loop.machine, *loop.law]
+    each = np.broadcast_arrays(*(np.isfinite(matrix).all(axis=(-2, -1)) for matrix in matrices))
+    finite = np.logical_and.reduce(each)
     loop = loop.only(finite)
     M = np.asarray(loop.cut().closed())
     poles, radius, left, right = dominant(M)
@@ -76,58 +78,28 @@ def loop_measures(
     responses = Responses.of(loop, encoding)
     # a loop that is not stable has no peaks: its numbers are those of one that is
     poles, kept = np.where(stable[..., None], poles, 0.0), np.where(stable[..., None, None], M, 0.0)
-    sensitivity, complementary = _peaks(loop, responses, kept, poles, stable)
-    measures = [
-        _with_measured(sensitivity, loop, responses, kept, uncertainty),
-        complementary,
-        size,
-        _uncertain(loop, responses, kept, poles, stable, uncertainty),
-    ]
+    frequency = peak_frequencies(responses, poles)
+    measures = []
+    for curve in range(2):  # S, then T
+        z = np.exp(1j * frequency[..., curve])
+        peak, slope = _top(loop, kept, responses.encoding, z, curve)
+        measures.append((np.where(stable, peak, np.inf), slope.only(stable)))
+    still = np.zeros(kept.shape[:-1])
+    uncertain = np.zeros(stable.shape), slope_of(loop, still, still)
+    if uncertainty is not None:
+        points = np.exp(_places(poles))
+        peak, slope = uncertainty_measure(loop, kept, responses, points, uncertainty)
+        uncertain = np.where(stable, peak, np.inf), slope.only(stable)
+        if any(one.frequency.size for one in uncertainty.lines):
+            # of the first plants the peak of S around what was measured, if larger
+            highest, its_slope = measures[0]
+            peak, slope = measured_sensitivity(loop, kept, responses, uncertainty.lines)
+            larger = (peak > highest) & (np.arange(peak.shape[-1]) == 0)
+            measures[0] = np.where(larger, peak, highest), slope.only(larger, its_slope)
+    measures += [size, uncertain]
     values = np.stack([value for value, _ in measures], axis=-1)
     slopes = jax.tree.map(lambda *each: np.stack(each, axis=-3), *(slope for _, slope in measures))
     return values, slopes
-
-
-def _uncertain(
-    loop: FrozenLoop,
-    responses: Responses,
-    M,
-    poles,
-    stable,
-    uncertainty: ResponseUncertainty | None,
-):
-    """Peak of W T and its slope; 0 without an uncertainty."""
-    if uncertainty is None:
-        still = np.zeros(M.shape[:-1])
-        return np.zeros(stable.shape), slope_of(loop, still, still)
-    size, slope = uncertainty_measure(loop, M, responses, np.exp(_places(poles)), uncertainty)
-    return np.where(stable, size, np.inf), slope.only(stable)
-
-
-def _with_measured(
-    peak: tuple[np.ndarray, FrozenLoop],
-    loop: FrozenLoop,
-    responses: Responses,
-    M,
-    uncertainty: ResponseUncertainty | None,
-) -> tuple[np.ndarray, FrozenLoop]:
-    """Peak of S and its slope, of the first plants those around what was measured if larger."""
-    if uncertainty is None or not any(one.frequency.size for one in uncertainty.lines):
-        return peak
-    size, slope = measured_sensitivity(loop, M, responses, uncertainty.lines)
-    larger = (size > peak[0]) & (np.arange(size.shape[-1]) == 0)
-    return np.where(larger, size, peak[0]), slope.only(larger, peak[1])
-
-
-def _peaks(loop: FrozenLoop, responses: Responses, M, poles, stable: Bool[np.ndarray, "*loops"]):
-    """Peak and slope of S, then of T."""
-    frequency = peak_frequencies(responses, poles)
-    tops = []
-    for curve in range(2):
-        z = np.exp(1j * frequency[..., curve])
-        size, slope = _top(loop, M, responses.encoding, z, curve)
-        tops.append((np.where(stable, size, np.inf), slope.only(stable)))
-    return tops
 
 
 def peak_frequencies(
@@ -262,9 +234,3 @@ def _singular(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
     U, heights, V = np.linalg.svd(block + one * np.eye(size))
     u[..., rows], v[..., rows] = np.conj(U[..., 0]), np.conj(V[..., 0, :])
     return heights[..., 0], u, v
-
-
-def _finite(loop: FrozenLoop) -> Bool[np.ndarray, "*loops"]:
-    matrices = [*loop.machine, *loop.law]
-    finite = [np.isfinite(matrix).all(axis=(-2, -1)) for matrix in matrices]
-    return np.logical_and.reduce(np.broadcast_arrays(*finite))

@@ -90,23 +90,10 @@ def distance_bounds(
     beside = np.linalg.norm(away - ahead[..., None] * frames.tangent[:, None], axis=2)
     farthest = np.hypot(beside + across[:, None], ahead)
     most = _between(contour, arcs, farthest, 2 * along / intervals)
-    return np.minimum(most, _beside_lines(contour, arcs, output, frames, across, along))
-
-
-def _beside_lines(
-    contour: Contour,
-    arcs: np.ndarray,
-    output: Array | np.ndarray,
-    frames: Frames,
-    across: np.ndarray,
-    along: np.ndarray,
-) -> np.ndarray:
-    """Largest distance to one line of a plane path (T,); infinite beside other pieces."""
-    # it is convex: one of the four corners of where the tool may be is farthest
-    bent = _largest_second_derivative(contour)
-    piece = _piece_at(contour, arcs[:, arcs.shape[1] // 2])
     if contour.axes != 2:
-        return np.full(piece.size, np.inf)
+        return most
+    # the distance to one line is convex: one of the corners of where the tool may be is farthest
+    piece = _piece_at(contour, arcs[:, arcs.shape[1] // 2])
     signs = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
     moved = signs[:, :1, None] * across[:, None] * frames.normals[:, 0]
     moved = moved + signs[:, 1:, None] * along[:, None] * frames.tangent
@@ -114,7 +101,8 @@ def _beside_lines(
     away = np.asarray(output) + moved - start
     s = np.clip(np.sum(away * direction, axis=2), 0.0, np.asarray(contour.extent)[piece])
     farthest = np.linalg.norm(away - s[..., None] * direction, axis=2).max(axis=0)
-    return np.where(bent[piece] == 0, farthest, np.inf)
+    straight = _largest_second_derivative(contour)[piece] == 0
+    return np.where(straight, np.minimum(most, farthest), most)
 
 
 def _between(

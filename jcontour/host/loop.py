@@ -158,7 +158,11 @@ class _Rows:
         and None for state, measurement and memory.
         """
         if self.signals:
-            columns = [_stacked([row[i] for row in self.signals]) for i in range(5)]
+            # pytrees stacked on a new leading axis
+            tree = jax.tree.structure(self.signals[0])
+            leaves = zip(*map(jax.tree.leaves, self.signals), strict=True)
+            stacked = [placed(np.stack([np.asarray(one) for one in leaf])) for leaf in leaves]
+            columns = tree.unflatten(stacked)
         else:
             columns = [None, jnp.zeros((0, self.axes)), None, jnp.zeros((0, 0)), None]
         report = LoopReport(
@@ -228,11 +232,3 @@ def _compiled(function: Callable, tree: Any, static: Any) -> Callable:
         return function(*modules, *arguments)
 
     return call
-
-
-def _stacked(rows: list) -> Any:
-    """Pytrees stacked on a new leading axis."""
-    tree = jax.tree.structure(rows[0])
-    columns = zip(*(jax.tree.leaves(row) for row in rows), strict=True)
-    stacked = [np.stack([np.asarray(value) for value in column]) for column in columns]
-    return tree.unflatten([placed(column) for column in stacked])

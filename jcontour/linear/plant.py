@@ -122,8 +122,22 @@ class LinearPlant(Plant):
     ):
         self.A, self.B, self.C = floating(A, "A"), floating(B, "B"), floating(C, "C")
         self.dt, self.motion = float(dt), motion
-        _check_shapes(self.A, self.B, self.C, self.dt)
-        self.pattern = Pattern.of(A, B, C) if pattern is None else pattern
+        given, (A, B, C) = (A, B, C), (self.A, self.B, self.C)
+        if A.ndim != 2 or A.shape[0] != A.shape[1] or A.shape[0] == 0:
+            raise ValueError(f"A: needs to be square (n, n), received {A.shape}")
+        n = A.shape[0]
+        if B.ndim != 2 or B.shape[0] != n or B.shape[1] == 0:
+            raise ValueError(f"B: needs shape ({n}, p) to go with A {A.shape}, received {B.shape}")
+        if C.ndim != 2 or C.shape[1] != n or C.shape[0] == 0:
+            raise ValueError(f"C: needs shape (m, {n}) to go with A {A.shape}, received {C.shape}")
+        if not (np.isfinite(dt) and dt > 0):
+            raise ValueError(
+                f"dt: the sample period needs to be a positive number of seconds, received {dt}"
+            )
+        for name, matrix in (("A", A), ("B", B), ("C", C)):
+            if is_concrete(matrix) and not np.isfinite(np.asarray(matrix)).all():
+                raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
+        self.pattern = Pattern.of(*given) if pattern is None else pattern
 
     @property
     def states(self) -> int:
@@ -271,7 +285,15 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
     for axis in decoupled_axes(plant.pattern):
         rows, output = np.array(axis.states), axis.outputs[0]
         A, B, C = plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
-        matrix = _steady_equations(A, B, C)
+        # rows [C A^j, sum_{i<j} C A^i B], the last column scaled to one
+        equations, column, response = [C], [jnp.zeros((), A.dtype)], B
+        for _ in range(B.size):
+            column.append(column[-1] + C @ response)
+            response = A @ response
+            equations.append(equations[-1] @ A)
+        steady = jnp.stack(column)
+        steady = (steady / jnp.max(jnp.abs(steady)))[:, None]
+        matrix = jnp.concatenate([jnp.stack(equations), steady], axis=1)
         size = matrix.shape[0]
         sample = jnp.arange(size, dtype=matrix.dtype)
         ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
@@ -285,19 +307,6 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
         Sv = Sv.at[rows, output].set(maps[:, 1])
         conditions.append(jnp.linalg.cond(matrix))
     return SteadyMotion(Sy, Sv), conditions
-
-
-def _steady_equations(
-    A: Float[Array, "n n"], B: Float[Array, " n"], C: Float[Array, " n"]
-) -> Float[Array, "n+1 n+1"]:
-    """Rows [C A^j, sum_{i<j} C A^i B], the last column scaled to one."""
-    rows, column, response = [C], [jnp.zeros((), A.dtype)], B
-    for _ in range(B.size):
-        column.append(column[-1] + C @ response)
-        response = A @ response
-        rows.append(rows[-1] @ A)
-    steady = jnp.stack(column)
-    return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
 
 
 def operating_point(model: LinearPlant, position: Float[Array, " m"]) -> OperatingPoint:
@@ -334,23 +343,6 @@ def _nonzero(matrix) -> tuple[tuple[bool, ...], ...]:
     else:
         where = np.ones(matrix.shape, bool)
     return tuple(map(tuple, where.tolist()))
-
-
-def _check_shapes(A, B, C, dt: float) -> None:
-    if A.ndim != 2 or A.shape[0] != A.shape[1] or A.shape[0] == 0:
-        raise ValueError(f"A: needs to be square (n, n), received {A.shape}")
-    n = A.shape[0]
-    if B.ndim != 2 or B.shape[0] != n or B.shape[1] == 0:
-        raise ValueError(f"B: needs shape ({n}, p) to go with A {A.shape}, received {B.shape}")
-    if C.ndim != 2 or C.shape[1] != n or C.shape[0] == 0:
-        raise ValueError(f"C: needs shape (m, {n}) to go with A {A.shape}, received {C.shape}")
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(
-            f"dt: the sample period needs to be a positive number of seconds, received {dt}"
-        )
-    for name, matrix in (("A", A), ("B", B), ("C", C)):
-        if is_concrete(matrix) and not np.isfinite(np.asarray(matrix)).all():
-            raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
 
 
 @jax.jit

@@ -111,7 +111,16 @@ class BoundedMPC(HostController):
         self.growth = response.growth(kept.state, still)
         each = np.broadcast_to(np.eye(p), (R, p, p))
         self.control_growth = response.growth(np.zeros((R, p, n)), each)
-        self._check_limits()
+        names = [*kept.names, *(f"control {i + 1}" for i in range(p))]
+        needed = np.concatenate([self.needs, self.control_growth[..., -1]], axis=1)
+        limit = np.concatenate([kept.limit, self.control_limit], axis=1)
+        share = needed / limit
+        sample, worst = np.unravel_index(np.argmax(share), share.shape)
+        if not share[sample, worst] <= 1:
+            raise ValueError(
+                f"{names[worst]}: run and disturbances need {needed[sample, worst]:.6g} at sample "
+                f"{sample}, the limit is {limit[sample, worst]:.6g}"
+            )
 
     @property
     def needs(self) -> Float[np.ndarray, "R r"]:
@@ -133,8 +142,18 @@ class BoundedMPC(HostController):
             )
         at = np.arange(T)[:, None]
         powers, reach = self._reached(T)
-        rows, known, low, high = self._rows(at, powers, reach)
-        H, pull = self._cost(rows, known)
+        # rows of samples 1..N-1 of a plan, in shares of their limits
+        stage = np.arange(1, N)
+        limit = self.kept.limit[at + stage]
+        c, now = self.kept.state[at + stage] / limit[..., None], self.kept.value[at + stage] / limit
+        most = 1 + ROUNDING - self.growth[at + stage, :, stage] / limit
+        low, high = (-most - now).reshape(T, -1), (most - now).reshape(T, -1)
+        rows, known = (
+            (c @ maps[:, 1:-1]).reshape(T, -1, maps.shape[-1]) for maps in (reach, powers)
+        )
+        turned = rows.transpose(0, 2, 1)
+        H, pull = turned @ rows + self.control_weight * np.eye(rows.shape[2]), turned @ known
+        largest = np.abs(H).max(axis=(1, 2), keepdims=True)
         units = np.abs(reach[:, -1]).max(axis=2, keepdims=True)
         units = np.where(units > 0, units, 1.0)
         end, still = reach[:, -1] / units, np.zeros((T, len(units[0])))
@@ -145,8 +164,8 @@ class BoundedMPC(HostController):
         return BoundedPlan(
             self.state[:T],
             self.control[:T],
-            H,
-            pull,
+            H / largest,
+            pull / largest,
             np.concatenate([rows, end], axis=1),
             np.concatenate([known, powers[:, -1] / units], axis=1),
             np.concatenate([low, still], axis=1),
@@ -191,37 +210,6 @@ class BoundedMPC(HostController):
             following[:, :, j * p : (j + 1) * p] += B * self.unit
             reach.append(following)
         return np.stack(powers, axis=1), np.stack(reach, axis=1)
-
-    def _rows(self, at, powers, reach) -> tuple[np.ndarray, ...]:
-        """Rows of samples 1..N-1 of a plan, in shares of their limits."""
-        T, stage = len(at), np.arange(1, self.response.length)
-        ahead = at + stage
-        limit = self.kept.limit[ahead]
-        c = self.kept.state[ahead] / limit[..., None]
-        most = 1 + ROUNDING - self.growth[ahead, :, stage] / limit
-        now = self.kept.value[ahead] / limit
-        rows, known = c @ reach[:, 1:-1], c @ powers[:, 1:-1]
-        flat = [leaf.reshape(T, -1, leaf.shape[-1]) for leaf in (rows, known)]
-        return *flat, (-most - now).reshape(T, -1), (most - now).reshape(T, -1)
-
-    def _cost(self, rows, known) -> tuple[np.ndarray, np.ndarray]:
-        """Weight, and pull of e_0, scaled by the largest weight."""
-        turned = rows.transpose(0, 2, 1)
-        H = turned @ rows + self.control_weight * np.eye(rows.shape[2])
-        size = np.abs(H).max(axis=(1, 2), keepdims=True)
-        return H / size, turned @ known / size
-
-    def _check_limits(self) -> None:
-        names = [*self.kept.names, *(f"control {i + 1}" for i in range(self.unit.size))]
-        needed = np.concatenate([self.needs, self.control_growth[..., -1]], axis=1)
-        limit = np.concatenate([self.kept.limit, self.control_limit], axis=1)
-        share = needed / limit
-        sample, worst = np.unravel_index(np.argmax(share), share.shape)
-        if not share[sample, worst] <= 1:
-            raise ValueError(
-                f"{names[worst]}: run and disturbances need {needed[sample, worst]:.6g} at sample "
-                f"{sample}, the limit is {limit[sample, worst]:.6g}"
-            )
 
 
 def _check(state, control, control_limit, kept: KeptRows, sizes: tuple[int, int, int]) -> None:

@@ -87,16 +87,13 @@ def window_plan(
         window, H, g = block
         return _plan(*given, data._replace(cost=window, H=H, g=g))
 
-    windows = _windows(jnp.pad(cost, ((0, 0), (0, idle))), count, length)
-    F, f = jax.lax.map(plan, (windows, cut(data.H), cut(data.g)))
-    return F.reshape(-1, *F.shape[2:])[:steps], f.reshape(-1, *f.shape[2:])[:steps]
-
-
-def _windows(cost: Float[Array, "q S"], count: int, length: int) -> Float[Array, "count q window"]:
-    """Samples that every block of steps looks at: its own, and the preview ahead of its last."""
+    # samples that a block of steps looks at: its own, and the preview ahead of its last
+    cost = jnp.pad(cost, ((0, 0), (0, idle)))
     own, end = cost[:, : count * length].reshape(-1, count, length), cost[:, None, count * length :]
     ahead = jnp.concatenate([own[:, 1:, : end.shape[2]], end], axis=1)
-    return jnp.concatenate([own, ahead], axis=2).swapaxes(0, 1)
+    windows = jnp.concatenate([own, ahead], axis=2).swapaxes(0, 1)
+    F, f = jax.lax.map(plan, (windows, cut(data.H), cut(data.g)))
+    return F.reshape(-1, *F.shape[2:])[:steps], f.reshape(-1, *f.shape[2:])[:steps]
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))

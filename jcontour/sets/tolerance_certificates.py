@@ -80,10 +80,24 @@ def least_tolerance_of_any(
     kept.append(_kept(model, acting, wanted, target, 0.0, 1.0))
     rows = sparse.csr_array(sparse.vstack([one for one, _ in kept]))
     bounds = np.concatenate([one for _, one in kept])
-    box = _box(model, limited, middles, T)
+    # bounds of x_0..x_T and u_0..u_{T-1} that signals of one coordinate give
+    least = np.full(n + p, -np.inf)
+    most = -least
+    for signal, middle in zip(limited, middles, strict=True):
+        row = np.concatenate([signal.state, signal.control])
+        (places,) = np.nonzero(row)
+        if places.size == 1:
+            (place,) = places
+            ends = np.sort((middle + np.array([-1, 1]) * signal.limit) / row[place])
+            least[place], most[place] = max(least[place], ends[0]), min(most[place], ends[1])
+    if np.isinf(np.concatenate([least, most])).any():
+        raise ValueError("limited: the proof needs a limit on every state and on every control")
+    low, high = (
+        np.concatenate([np.tile(end[:n], T + 1), np.tile(end[n:], T), [tolerance]])
+        for end, tolerance in ((least, 0.0), (most, wanted.limit))
+    )
     cost = np.zeros((T + 1) * n + T * p + 1)
     cost[-1] = 1.0
-    low, high = np.append(box[0], 0.0), np.append(box[1], wanted.limit)
     program = linprog(
         cost, rows, bounds, equations, values, bounds=np.stack([low, high], axis=1), method="highs"
     )
@@ -123,26 +137,6 @@ def _kept(
     rows = [sparse.hstack([sign * both, sparse.csr_array(last)]) for sign in (1.0, -1.0)]
     bounds = [limit - loss + sign * (middle + acted) for sign in (1.0, -1.0)]
     return sparse.csr_array(sparse.vstack(rows)), np.concatenate(bounds)
-
-
-def _box(
-    model: DisturbedModel, limited: Sequence[Signal], middles: np.ndarray, T: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds of x_0..x_T and u_0..u_{T-1} that signals of one coordinate give."""
-    n = model.states
-    low = np.full(n + model.inputs, -np.inf)
-    high = -low
-    for signal, middle in zip(limited, middles, strict=True):
-        row = np.concatenate([signal.state, signal.control])
-        (places,) = np.nonzero(row)
-        if places.size == 1:
-            (place,) = places
-            ends = np.sort((middle + np.array([-1, 1]) * signal.limit) / row[place])
-            low[place], high[place] = max(low[place], ends[0]), min(high[place], ends[1])
-    if np.isinf(np.concatenate([low, high])).any():
-        raise ValueError("limited: the proof needs a limit on every state and on every control")
-    pairs = [(np.tile(end[:n], T + 1), np.tile(end[n:], T)) for end in (low, high)]
-    return np.concatenate(pairs[0]), np.concatenate(pairs[1])
 
 
 def _check(model, wanted, limited, target, acting) -> None:

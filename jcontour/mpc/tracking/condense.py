@@ -203,7 +203,20 @@ class Condensed:
         penalty: float | None = None,
     ):
         prediction = predict(model, len(stage))
-        self.cost = _cost(model, prediction, R, S, stage, Q_typical, terminal)
+        Fy, Gy = (np.ascontiguousarray(maps[:-1]) for maps in (prediction.Fy, prediction.Gy))
+        FT, GT, P_typical = (np.ascontiguousarray(part) for part in terminal)
+        profile = np.array(stage[:-1], float)
+        Fu, Gu = difference_maps(len(stage), model.inputs, model.states)
+        base = 2 * np.kron(np.eye(len(stage)), R) + 2 * np.einsum("jpa,pq,jqb->ab", Gu, S, Gu)
+        typical = (
+            base
+            + 2 * np.einsum("j,jma,mk,jkb->ab", profile, Gy, Q_typical, Gy)
+            + 2 * GT.T @ P_typical @ GT
+        )
+        scale = 1 / np.abs(typical).max()
+        gu = 2 * scale * np.einsum("jpa,pq,jqb->ab", Gu, S, Fu)
+        gu[:, -model.inputs :] += 2 * scale * np.tile(R, (len(stage), 1))
+        self.cost = Cost(base * scale, gu, Fy, Gy, profile, FT, GT, float(scale))
         self.rows = limit_rows(model, prediction, limits)
         self._inputs = model.inputs
         self.moves = len(stage) * model.inputs
@@ -212,7 +225,8 @@ class Condensed:
         self._C, self._F, self._low, self._high = _with_slack(self.rows, self._gives, self.moves)
         self._at_once = ~np.any(self._C[:, self._inputs : self.moves], axis=1)
         slacks = len(self._gives)
-        low, high = (np.tile(bound, len(stage)) for bound in _pair(limits.control))
+        assert limits.control is not None  # `full_limits` has filled it
+        low, high = (np.tile(bound, len(stage)) for bound in limits.control)
         self._lower = np.concatenate([low, np.zeros(slacks)])
         self._upper = np.concatenate([high, np.full(slacks, np.inf)])
         self._penalty = 0.0 if penalty is None else penalty
@@ -231,7 +245,11 @@ class Condensed:
             out: an earlier QP of this object whose H, g and limits of rows are written over;
                 new arrays when not given.
         """
-        qp = self._blank() if out is None else out
+        qp = out
+        if qp is None:  # the slack has its cost, all other numbers are filled in
+            n, r = self._lower.size, len(self._C)
+            free = np.zeros((n, n)), np.full(n, self._penalty), self._C, np.empty(r), np.empty(r)
+            qp = QP(*free, self._lower, self._upper)
         _fill_cost(qp.H, qp.g, self.cost, window, s)
         _fill_rows(qp.lower_rows, qp.upper_rows, self._low, self._high, self._F, s)
         return qp
@@ -244,37 +262,6 @@ class Condensed:
         """Of all multipliers, those of limits on what the first control alone decides."""
         bounds, rows = forces[: self._inputs], forces[len(self._lower) :]
         return np.concatenate([bounds, rows[self._at_once]])
-
-    def _blank(self) -> QP:
-        """A QP whose slack has its cost and whose other numbers are to be filled in."""
-        n, r = self._lower.size, len(self._C)
-        g = np.full(n, self._penalty)
-        return QP(np.zeros((n, n)), g, self._C, np.empty(r), np.empty(r), self._lower, self._upper)
-
-
-def _cost(
-    model: LinearPlant,
-    prediction: Prediction,
-    R: np.ndarray,
-    S: np.ndarray,
-    stage: np.ndarray,
-    Q_typical: np.ndarray,
-    terminal: TerminalMaps,
-) -> Cost:
-    Fy, Gy = (np.ascontiguousarray(maps[:-1]) for maps in (prediction.Fy, prediction.Gy))
-    FT, GT, P_typical = (np.ascontiguousarray(part) for part in terminal)
-    profile = np.array(stage[:-1], float)
-    Fu, Gu = difference_maps(len(stage), model.inputs, model.states)
-    base = 2 * np.kron(np.eye(len(stage)), R) + 2 * np.einsum("jpa,pq,jqb->ab", Gu, S, Gu)
-    typical = (
-        base
-        + 2 * np.einsum("j,jma,mk,jkb->ab", profile, Gy, Q_typical, Gy)
-        + 2 * GT.T @ P_typical @ GT
-    )
-    scale = 1 / np.abs(typical).max()
-    gu = 2 * scale * np.einsum("jpa,pq,jqb->ab", Gu, S, Fu)
-    gu[:, -model.inputs :] += 2 * scale * np.tile(R, (len(stage), 1))
-    return Cost(base * scale, gu, Fy, Gy, profile, FT, GT, float(scale))
 
 
 def _with_slack(
@@ -291,12 +278,6 @@ def _with_slack(
     high = np.concatenate([rows.upper, rows.upper[gives]])
     low[gives], high[r:] = -np.inf, np.inf
     return C, np.concatenate([rows.F, rows.F[gives]]), low, high
-
-
-def _pair(bounds: tuple | None) -> tuple:
-    """Bounds of a field that `full_limits` has filled."""
-    assert bounds is not None
-    return bounds
 
 
 @compiled
