@@ -101,7 +101,7 @@ class Case(NamedTuple):
         controller = ContouringLQ(self.plant, LQWeights(1.0, 1.0, 1.0), self.preview)
         problem = controller.decoupled_problem(member(self.references, 0))
         form = "sweep" if problem is None else "algebra"
-        return f"{form}, {'kernel' if kernels.wanted() else 'XLA'}"
+        return f"{form}, {'kernel' if kernels.enabled() else 'XLA'}"
 
     def metrics(self, weights) -> Metrics:
         """Metrics under weights (alpha, beta, rho, then the entries of a profile, if any)."""

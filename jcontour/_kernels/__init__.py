@@ -9,11 +9,11 @@ from importlib.util import find_spec
 
 from jcontour._devices import on_gpu, platform
 
-ASKED = "JCONTOUR_FAST"  # environment variable: 1 for the kernels on a CPU, 0 for none on a GPU
+SWITCH = "JCONTOUR_FAST"  # environment variable: 1 for the kernels on a CPU, 0 for none on a GPU
 
 
-def wanted() -> bool:
+def enabled() -> bool:
     """Whether runs are computed by kernels: on a GPU, or where `JCONTOUR_FAST` is 1."""
-    asked = os.environ.get(ASKED, "1" if on_gpu() else "0")
-    suits = on_gpu() or platform() == "cpu"
-    return suits and asked == "1" and find_spec("warp") is not None
+    switch = os.environ.get(SWITCH, "1" if on_gpu() else "0")
+    supported = on_gpu() or platform() == "cpu"
+    return supported and switch == "1" and find_spec("warp") is not None

@@ -15,9 +15,9 @@ from jaxtyping import Array, Float
 from jcontour._kernels.affine_kernels import gain_kernel, run_kernel
 from jcontour._kernels.lq_metrics import (
     REAL,
+    batched_over_runs,
     computes_every_metric,
     metrics_of_rows,
-    over_runs,
     scoring_rows,
 )
 from jcontour._kernels.parts import BLOCK, NORMS
@@ -59,9 +59,8 @@ def swept_plan(
     steps = Q.shape[0] - stage.shape[0]
 
     @jax.custom_jvp
-    def plan(*given) -> AffinePlan:
-        model, Q, y_d, stage, R = given
-        rows = (one.astype(dtype).ravel()[:, None] for one in (Q, jnp.asarray(stage), R))
+    def plan(model, Q, y_d, stage, R) -> AffinePlan:
+        rows = (M.astype(dtype).ravel()[:, None] for M in (Q, jnp.asarray(stage), R))
         shared = model.A.ravel(), model.B.ravel(), model.C.ravel(), y_d.ravel()
         (K,) = _gains((n, p, model.axes), str(dtype), steps)(tuple(rows), *shared)
         K = K.reshape(steps, p, n + 1)
@@ -79,12 +78,12 @@ def _gains(size: tuple[int, int, int], dtype: str, steps: int):
     n, p, _ = size
     launch = wp.jax_kernel(gain_kernel(*size, REAL[dtype]), block_dim=BLOCK)
 
-    def call(own, A, B, C, y_d):
-        runs = own[0].shape[1]
-        placed = {"launch_dims": (steps, runs), "output_dims": {"K": (steps * p * (n + 1), runs)}}
-        return tuple(launch(A, B, C, y_d, *own, **placed))
+    def call(per_run, A, B, C, y_d):
+        runs = per_run[0].shape[1]
+        dims = {"launch_dims": (steps, runs), "output_dims": {"K": (steps * p * (n + 1), runs)}}
+        return tuple(launch(A, B, C, y_d, *per_run, **dims))
 
-    return over_runs(call)
+    return batched_over_runs(call)
 
 
 def suits_run(plant: LinearPlant, reference: Reference) -> bool:
@@ -113,7 +112,7 @@ def metrics(
     dtype = plant.A.dtype
 
     @jax.custom_jvp
-    def of(plan: AffinePlan, plant: LinearPlant, reference: Reference) -> Metrics:
+    def primal(plan: AffinePlan, plant: LinearPlant, reference: Reference) -> Metrics:
         K = jnp.concatenate([plan.F, plan.f[..., None]], axis=-1).astype(dtype)
         model = plant.A, plant.B, plant.C, start_state(plant, reference)
         shared = [matrix.astype(dtype).ravel() for matrix in model]
@@ -122,20 +121,20 @@ def metrics(
         (rows,) = _run(size, str(dtype))((K.ravel()[:, None],), *shared)
         return metrics_of_rows(rows[:, 0], reference, window)[0]
 
-    @of.defjvp
+    @primal.defjvp
     def _(primals, tangents):
         return jax.jvp(in_jax, primals, tangents)
 
-    return of(plan, plant, reference)
+    return primal(plan, plant, reference)
 
 
 @lru_cache
 def _run(size: tuple[int, int, int], dtype: str):
     launch = wp.jax_kernel(run_kernel(*size, REAL[dtype]), block_dim=BLOCK)
 
-    def call(own, *shared):
-        runs = own[0].shape[1]
-        placed = {"launch_dims": runs, "output_dims": {"out": (2 * NORMS + 1, runs)}}
-        return tuple(launch(*shared, *own, **placed))
+    def call(per_run, *shared):
+        runs = per_run[0].shape[1]
+        dims = {"launch_dims": runs, "output_dims": {"out": (2 * NORMS + 1, runs)}}
+        return tuple(launch(*shared, *per_run, **dims))
 
-    return over_runs(call)
+    return batched_over_runs(call)

@@ -204,7 +204,7 @@ def _launch(
     kernel: str,
     inputs: tuple[Array, ...] = (),
 ) -> Array:
-    """Output of a kernel for one run, from inputs of its own; a `vmap` of it is one launch."""
+    """Output of a kernel for one run, from its own inputs; a `vmap` of it is one launch."""
     N, dtype, double = problem.preview, plant.A.dtype, jnp.result_type(float)
     axes = decoupled_axes(plant.pattern)
     n = max(len(axis.states) for axis in axes)
@@ -237,8 +237,8 @@ def _launch(
     scoring = scoring_rows(problem.tangent, problem.y_d, reference, window, dtype)
     shared = *responses, jnp.concatenate(model), *scoring
     size = Size(len(axes), n, N, REAL[str(dtype)], problem.stage is not None)
-    own = jnp.stack(weights).astype(double), *inputs
-    (rows,) = _batched_launch(size, kernel)(tuple(one[:, None] for one in own), *shared)
+    per_run = jnp.stack(weights).astype(double), *inputs
+    (rows,) = _batched_launch(size, kernel)(tuple(one[:, None] for one in per_run), *shared)
     return rows[:, 0]
 
 
@@ -247,16 +247,16 @@ def _batched_launch(size: Size, kernel: str):
     """Function of a run's weights and inputs (rows, runs), responses, and the shared arrays."""
     launch = wp.jax_kernel(lq_kernel(kernel, size), block_dim=BLOCK)
 
-    def call(own, *shared):
-        weights, *inputs = own
+    def call(per_run, *shared):
+        weights, *inputs = per_run
         *responses, model, path, contour = shared
         steps = len(path) // (2 * size.m + 2) - size.N
         shape = output_rows(kernel, size, steps), weights.shape[1]
-        placed = {"launch_dims": shape[1], "output_dims": {"out": shape}}
+        dims = {"launch_dims": shape[1], "output_dims": {"out": shape}}
         design = _design(weights, responses, model.dtype)
-        return tuple(launch(design, model, path, contour, *inputs, **placed))
+        return tuple(launch(design, model, path, contour, *inputs, **dims))
 
-    return over_runs(call)
+    return batched_over_runs(call)
 
 
 def _design(weights: Float[Array, "rows runs"], responses, dtype) -> Float[Array, " numbers"]:
@@ -288,38 +288,39 @@ def _design(weights: Float[Array, "rows runs"], responses, dtype) -> Float[Array
     return rows.reshape(len(rows), -1, TILE).swapaxes(0, 1).ravel()
 
 
-def over_runs(launch: Callable[..., tuple[Array, ...]]) -> Callable[..., tuple[Array, ...]]:
+def batched_over_runs(launch: Callable[..., tuple[Array, ...]]) -> Callable[..., tuple[Array, ...]]:
     """Function of arrays with the runs behind, and of arrays that all runs share, under `vmap`.
 
     A batch of runs is one launch. Where what they share differs, it is one after the other.
     """
 
     @custom_vmap
-    def call(own, *shared):
-        return launch(own, *shared)
+    def call(per_run, *shared):
+        return launch(per_run, *shared)
 
     @call.def_vmap
-    def more(size, batched, own, *shared):
+    def batch_rule(size, batched, per_run, *shared):
         if any(batched[1:]):
-            given, tree = jax.tree.flatten((own, shared))
-            moves = jax.tree.leaves(batched)
+            arguments, tree = jax.tree.flatten((per_run, shared))
+            has_axis = jax.tree.leaves(batched)
 
-            def one(moving):
+            def member(moving):
                 rest = iter(moving)
-                member = [next(rest) if b else a for a, b in zip(given, moves, strict=True)]
-                own, shared = jax.tree.unflatten(tree, member)
-                return call(own, *shared)
+                own = [next(rest) if b else a for a, b in zip(arguments, has_axis, strict=True)]
+                per_run, shared = jax.tree.unflatten(tree, own)
+                return call(per_run, *shared)
 
-            outputs = jax.lax.map(one, [a for a, b in zip(given, moves, strict=True) if b])
+            moving = [a for a, b in zip(arguments, has_axis, strict=True) if b]
+            outputs = jax.lax.map(member, moving)
             return outputs, (True,) * len(outputs)
 
-        def side_by_side(rows, moves):
-            rows = rows if moves else jnp.broadcast_to(rows[None], (size, *rows.shape))
+        def flat_batch(rows, has_axis):
+            rows = rows if has_axis else jnp.broadcast_to(rows[None], (size, *rows.shape))
             return jnp.moveaxis(rows, 0, -2).reshape(*rows.shape[1:-1], -1)
 
-        runs = own[0].shape[-1]
-        outputs = call(tuple(map(side_by_side, own, batched[0])), *shared)
-        outputs = [one.reshape(*one.shape[:-1], size, runs) for one in outputs]
-        return tuple(jnp.moveaxis(one, -2, 0) for one in outputs), (True,) * len(outputs)
+        runs = per_run[0].shape[-1]
+        outputs = call(tuple(map(flat_batch, per_run, batched[0])), *shared)
+        outputs = [rows.reshape(*rows.shape[:-1], size, runs) for rows in outputs]
+        return tuple(jnp.moveaxis(rows, -2, 0) for rows in outputs), (True,) * len(outputs)
 
     return call

@@ -143,7 +143,7 @@ def evaluate(
 
 def _by_kernels(plants: Plant) -> TypeGuard[LinearPlant]:
     """Whether kernels may take runs of the plants: a wrapper may measure less than the state."""
-    return kernels.wanted() and type(plants) is LinearPlant
+    return kernels.enabled() and type(plants) is LinearPlant
 
 
 def _without_gains(plants: Plant, controller: Controller, reference: Reference) -> Any:

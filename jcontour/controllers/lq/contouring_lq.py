@@ -234,7 +234,7 @@ class ContouringLQ(ModelFeedback):
             stage, seen = stage[: self.preview - settled], seen - settled
             Q = Q[:seen]
         R = control_weight(model, weights)
-        if terminal is None and kernels.wanted():
+        if terminal is None and kernels.enabled():
             from jcontour._kernels import affine_runs  # loads Warp
 
             if affine_runs.suits_sweep(model, self.preview):

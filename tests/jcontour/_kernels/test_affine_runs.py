@@ -57,8 +57,8 @@ def numbers(case, law, weights, profile=None):
 
 
 def by(monkeypatch, asked, function, *arguments):
-    monkeypatch.setenv(kernels.ASKED, asked)
-    assert kernels.wanted() == (asked == "1")
+    monkeypatch.setenv(kernels.SWITCH, asked)
+    assert kernels.enabled() == (asked == "1")
     return jax.device_get(jax.jit(function)(*arguments))
 
 

@@ -60,15 +60,15 @@ def runs(references, window, weights, profile=None):
 
 
 def by(monkeypatch, asked, function, *arguments):
-    monkeypatch.setenv(kernels.ASKED, asked)
-    assert kernels.wanted() == (asked == "1")
+    monkeypatch.setenv(kernels.SWITCH, asked)
+    assert kernels.enabled() == (asked == "1")
     return jax.device_get(jax.jit(function)(*arguments))
 
 
 def test_runs_are_left_to_plain_jax_where_a_kernel_lacks_a_metric(monkeypatch, references):
     from jcontour._kernels import lq_metrics
 
-    monkeypatch.setenv(kernels.ASKED, "1")
+    monkeypatch.setenv(kernels.SWITCH, "1")
     assert lq_metrics.computes_every_metric()
     monkeypatch.setattr(lq_metrics, "COMPUTED", lq_metrics.COMPUTED[:-1])
     monkeypatch.setattr(lq_metrics, "metrics", None)  # not called
@@ -98,7 +98,7 @@ def test_slopes_are_those_of_plain_jax_in_both_modes_and_of_differences(monkeypa
         actual, wanted = (by(monkeypatch, asked, mode(numbers), WEIGHTS[0]) for asked in "10")
         scale = np.max(np.abs(wanted * WEIGHTS[0]), axis=-1, keepdims=True)
         assert np.all(np.abs(actual - wanted) * WEIGHTS[0] <= 1e-8 * scale)
-    monkeypatch.setenv(kernels.ASKED, "1")
+    monkeypatch.setenv(kernels.SWITCH, "1")
     step = 1e-5
     for which in range(3):
         change = step * WEIGHTS[0] * np.eye(3)[which]
