@@ -112,7 +112,7 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         if issubclass(described, Design):
             design = described(name, machine, flags)
         else:
-            controller = made(described, machine.model, flags.preview)
+            controller = made(described, machine.model, flags.horizon(machine.model.dt))
             design = OwnDesign(name, first_line(described), controller, machine, flags)
     else:
         design = own_controller(own, machine, flags)

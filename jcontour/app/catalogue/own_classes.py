@@ -119,7 +119,8 @@ def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "De
     named = _named(own)
     if inspect.isclass(named) and issubclass(named, Design):
         return named(str(own), machine, flags)
-    controller = _made(own, Controller, lambda thing: made(thing, machine.model, flags.preview))
+    preview = flags.horizon(machine.model.dt)
+    controller = _made(own, Controller, lambda thing: made(thing, machine.model, preview))
     # a short run is traced, so that a fault in the file is reported with its line
     preview, dt = controller.preview, machine.model.dt
     if not isinstance(preview, int) or preview < 0:

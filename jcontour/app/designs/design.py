@@ -334,7 +334,7 @@ class OwnDesign(Design[Machine]):
         self, name: str, line: str, controller: Controller, machine: Machine, flags: Controlled
     ):
         self.line, self.controller = line, controller
-        self.reads = ("preview",) if controller.preview == flags.preview else ()
+        self.reads = ("preview",) if controller.preview == flags.horizon(machine.model.dt) else ()
         values = _fields(controller)
         said = {one.name: one for one in getattr(controller, "weights", ())}
         unknown = [field for field in said if field not in values]

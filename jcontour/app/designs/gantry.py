@@ -113,7 +113,9 @@ class GantryLQ(Design[GantryMachine]):
 
     def build(self, weights: Gains) -> Controller:
         model = self.machine.model
-        return ContouringLQ(model, self.cost(weights), self.flags.preview, RiccatiTerminal())
+        return ContouringLQ(
+            model, self.cost(weights), self.flags.horizon(self.machine.model.dt), RiccatiTerminal()
+        )
 
     @staticmethod
     def cost(weights: Gains) -> LQWeights:
@@ -126,7 +128,9 @@ class GantryScheduledLQ(GantryLQ):
     """Contouring LQ on three motors, its models those along the path."""
 
     def build(self, weights: Gains) -> Controller:
-        return ScheduledLQ(self.machine.schedule, self.cost(weights), self.flags.preview)
+        return ScheduledLQ(
+            self.machine.schedule, self.cost(weights), self.flags.horizon(self.machine.model.dt)
+        )
 
 
 class GantryLinearisedLQ(GantryLQ):
@@ -137,7 +141,7 @@ class GantryLinearisedLQ(GantryLQ):
 
     def build(self, weights: Gains) -> Controller:
         schedule = self.machine.linearised_schedule
-        inner = ScheduledLQ(schedule, self.cost(weights), self.flags.preview)
+        inner = ScheduledLQ(schedule, self.cost(weights), self.flags.horizon(self.machine.model.dt))
         return Compensated(inner, EncoderLinearisation(self.machine.parameters))
 
 
@@ -209,7 +213,7 @@ class GantryOffsetFreeLQ(GantryLQ):
             return with_input_delay(self.machine.model, self.late)
 
     def first_preview(self, first: Gains) -> int:
-        return self.flags.preview
+        return self.flags.horizon(self.machine.model.dt)
 
     def settings(self) -> dict[str, int]:
         return {**super().settings(), "model_delay": self.late}
@@ -221,7 +225,9 @@ class GantryOffsetFreeLQ(GantryLQ):
         positions = jnp.eye(COUNT, model.states)
         gain = offset_free_gain(model, positions, *noises, rounding(self.machine))
         return OffsetFreeObserver(
-            controller=ContouringLQ(model, cost, self.flags.preview, RiccatiTerminal()),
+            controller=ContouringLQ(
+                model, cost, self.flags.horizon(self.machine.model.dt), RiccatiTerminal()
+            ),
             model=model,
             gain=jnp.concatenate([gain, jnp.zeros_like(gain)], axis=1),
             measured=jnp.eye(2 * COUNT, model.states),

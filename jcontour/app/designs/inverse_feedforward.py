@@ -93,7 +93,7 @@ class Optimal(ZeroPhase):
     @cached_property
     def inverses(self) -> list[OptimalInverse]:
         """Inverse of every motor; its taps are those of the first numbers."""
-        preview = self.flags.preview + (self.order if self.order > 1 else 0)
+        preview = self.flags.horizon(self.machine.model.dt) + (self.order if self.order > 1 else 0)
         following = ModelFollowing(self.order, preview, CONSTRAINT)
         first = {name: float(self.start[name]) for name in ("smoothing", "weight")}
         return [

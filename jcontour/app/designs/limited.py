@@ -78,10 +78,10 @@ class ArtificialReferenceDesign(ScalarGoverned):
         return {**start, "pull": PULL * np.max(np.diag(rest.T @ np.asarray(quadratic.Q) @ rest))}
 
     def first_preview(self, first: Gains) -> int:
-        return self.flags.preview
+        return self.flags.horizon(self.machine.model.dt)
 
     def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
-        limits, horizon = self.limits(quadratic), self.flags.preview
+        limits, horizon = self.limits(quadratic), self.flags.horizon(self.machine.model.dt)
         return ArtificialReferenceMPC(*quadratic, gains["pull"], limits, horizon, self.steps)
 
 

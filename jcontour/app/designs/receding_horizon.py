@@ -148,7 +148,7 @@ class LQDesign(LinearDesign):
     ends: ClassVar[str | None] = None
 
     def __init__(self, name: str, machine: LinearMachine, flags: Controlled):
-        if flags.preview < 1:
+        if flags.preview is not None and flags.preview < 1:
             raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
         super().__init__(name, machine, flags)
         self.horizon = self.preview
@@ -167,7 +167,7 @@ class LQDesign(LinearDesign):
         return {name: published.get(name, start) for name, start in starts.items()}
 
     def first_preview(self, first: Gains) -> int:
-        return self.flags.preview
+        return self.flags.horizon(self.machine.model.dt)
 
     @property
     def terminal(self) -> str:
@@ -380,7 +380,9 @@ class ZeroLQ(RiccatiLQ):
     limitable = False
 
     def first_preview(self, first: Gains) -> int:
-        return max(self.flags.preview, 2 * ZeroTerminal().settled(self.model))
+        return max(
+            self.flags.horizon(self.machine.model.dt), 2 * ZeroTerminal().settled(self.model)
+        )
 
 
 class CrossCoupledLQDesign(RiccatiLQ):
@@ -403,7 +405,7 @@ class BlocksLQ(LQDesign):
     limitable = False
 
     def first_preview(self, first: Gains) -> int:
-        return max(self.flags.preview, LEAST_BLOCK)
+        return max(self.flags.horizon(self.machine.model.dt), LEAST_BLOCK)
 
 
 class PreviewLQDesign(LQDesign):

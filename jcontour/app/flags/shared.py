@@ -14,6 +14,8 @@ Objective = Literal["typical", "worst", "mean"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
 
 ROLLOUTS: Rollouts = "auto"  # all that fits into 100 MB
+HORIZON = 10  # samples: the paper's usual horizon
+HORIZON_TIME = 5e-3  # [s] that it is long there, at 2 kHz
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,9 @@ class Controlled(MachineFlags):
     NAME=VALUE,VALUE,... where a weight has a number for each axis."""
     backlash: bool = False  # most machines state none
     """Compensate the backlash of the machine file: the motors lead by half of it."""
-    preview: Samples = 10  # the paper's usual horizon
+    preview: Samples | None = None
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`.
+    When not given 10, and as many as 5 ms have where a machine is sampled faster.
     path: all samples of the run, with `simulate`, `precompensate` and `learn`."""
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution.
@@ -105,6 +108,11 @@ class Controlled(MachineFlags):
     model_delay: int | None = None
     """LQ: samples of the machine's unknown delay that the model predicts over.
     Tuning takes the middle of what the machine may have when not given."""
+
+    def horizon(self, dt: float) -> int:
+        """Samples of the future that are asked for, of machines with this sample period [s]."""
+        usual = max(HORIZON, round(HORIZON_TIME / dt))
+        return usual if self.preview is None else self.preview
 
 
 @dataclass(frozen=True)

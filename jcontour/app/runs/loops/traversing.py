@@ -86,7 +86,7 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
             raise ValueError(f"weights: {flags.controller} has no weight {name!r}; it has {known}")
     feed = flags.feed_mm_per_min
     speed = round(kind.share * 1e3 * speed_limit(machine), 6) if feed is None else feed / 60
-    design = PredictiveDesign(weights, flags.preview, speed)
+    design = PredictiveDesign(weights, flags.horizon(machine.model.dt), speed)
     hosted, failure = kind.hosted(machine, job.contour, design), ""
     hosted.controller.initial_memory(hosted.reference)  # raises what does not fit
     try:
