@@ -14,12 +14,13 @@ import numpy as np
 from jcontour.app.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from jcontour.app.files.results.tuned_result import PathMargins, TunedResult
 from jcontour.app.files.results.verdict import Verdict
-from jcontour.app.jobs.job import Job, Program
+from jcontour.app.jobs.job import Job
 from jcontour.app.jobs.replays import Replay, Scenarios
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.geometry.contours import line
+from jcontour.geometry.toolpaths import Toolpath
 from jcontour.motion.references import Reference
 from jcontour.simulation.metrics import Metrics
 from tests import canonical
@@ -64,7 +65,9 @@ def machine(limits: MachineLimits = NO_LIMITS, axes: int = 2, **others: Any) -> 
     )
 
 
-def job(name: str, scored: np.ndarray, at_rest: bool = True, program: Program | None = None) -> Job:
+def job(
+    name: str, scored: np.ndarray, at_rest: bool = True, program: Toolpath | None = None
+) -> Job:
     """A run with so many samples, and which of them are scored."""
     return Job(name, LINE, np.linspace(0.0, 1e-2, len(scored)), scored, at_rest, "", program)
 

@@ -33,18 +33,6 @@ STILL = 1e-9  # [m] and of the way: an axis that moves less stands still
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
-class Program(NamedTuple):
-    """G-code, drawing or points that a contour comes from."""
-
-    line: np.ndarray  # (P,) line of the file that every piece is from
-    # its words that mean nothing for the path, or what of a drawing is left out
-    ignored: tuple[str, ...]
-    warnings: tuple[str, ...]  # what of it may be meant otherwise, or spoils the motion
-    stops: str  # where and why it stops, in words
-    rapid: np.ndarray  # (P,) which pieces are rapid moves
-    read: "Toolpath | None" = None  # all that was read of it; None of one that is made up
-
-
 class Job(NamedTuple):
     """One run along a contour: its motion, and the last point held until the tool has settled."""
 
@@ -55,7 +43,8 @@ class Job(NamedTuple):
     scored: np.ndarray
     at_rest: bool  # from rest to rest
     feed_law: str  # in words
-    program: Program | None = None  # file behind it; None where there is none
+    # file behind it, with what its motion warns of; None where there is none
+    program: "Toolpath | None" = None
     # where it leaves the contour, in blended corners; None where it does not
     aside: "Aside | None" = None
     planned: "Planned | None" = None  # jerk-limited motion behind it; None where there is none
@@ -252,8 +241,6 @@ def _read(path: Path, pace: Pace) -> Job:
     )
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
     said = _warnings(path, toolpath, contour, speed, pace, run.planned is not None)
-    warnings = *toolpath.warnings, *said
-    program = Program(toolpath.line, toolpath.ignored, warnings, toolpath.stops, rapid, toolpath)
     return Job(
         path.stem,
         contour,
@@ -261,7 +248,7 @@ def _read(path: Path, pace: Pace) -> Job:
         scored,
         True,
         run.words,
-        program,
+        toolpath._replace(warnings=(*toolpath.warnings, *said)),
         run.aside,
         run.planned,
         settling_samples(machine.model.dt),

@@ -36,9 +36,9 @@ class Section(NamedTuple):
 def sections(job: Task) -> list[Section]:
     """All sections of a run; a single one where nothing is to be done between its moves."""
     last = job.steps - 1
-    if not isinstance(job, Job) or job.program is None or job.program.read is None:
+    if not isinstance(job, Job) or job.program is None:
         return [Section(0, last)]
-    read = job.program.read
+    read = job.program
     begun: dict[int, tuple[int, list[tuple[int, str]]]] = {0: (0, [])}
     for piece, *asked in sorted([*_events(read, job.contour.axes == 2), *_changes(read.rapid)]):
         sample = _sample_at(job, piece)

@@ -9,7 +9,7 @@ import numpy as np
 from jcontour.app.catalogue.choices import job_named, machine_named
 from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.files.log_file import Log
-from jcontour.app.jobs.job import Job, Pace, Program
+from jcontour.app.jobs.job import Job, Pace
 from jcontour.app.reports.tables import position
 from jcontour.geometry.contour import Contour, outline
 from jcontour.geometry.contours import polyline
@@ -73,10 +73,8 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
             assert isinstance(known, Job)
             name, path, rapid, program = known.name, known.contour, known.rapid, known.program
         else:
-            toolpath = read(part, FED, "XY" if len(axes) == 2 else "XYZ")
-            words = toolpath.ignored, toolpath.warnings, toolpath.stops
-            name, path, rapid = Path(part).stem, toolpath.contour, toolpath.rapid
-            program = Program(toolpath.line, *words, rapid)
+            program = read(part, FED, "XY" if len(axes) == 2 else "XYZ")
+            name, path, rapid = Path(part).stem, program.contour, program.rapid
         offset = _offset(path, log.command)
         keep = _along(part, path, log.command - offset)
         command, tool, moves = (one[keep] for one in (log.command, log.position, moves))

@@ -19,7 +19,7 @@ from jcontour.app.files.results.loop_results import BentResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warning
 from jcontour.app.flags.loops import Precompensate
-from jcontour.app.jobs.job import Job, Task
+from jcontour.app.jobs.job import Job
 from jcontour.app.jobs.sections import sections
 from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
@@ -30,7 +30,6 @@ from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.bending import STILL, Bent, bent, moves_along
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
-from jcontour.geometry.toolpaths import Toolpath
 
 SAME = 5e-3  # of an error: less of a change has no digit of its own
 BOUNDS = ("speed", "acceleration", "control")
@@ -53,14 +52,8 @@ def command(flags: Precompensate) -> int:
     folder = created(seeing_all(flags, job), "precompensate")
     if verdict.usable:
         # Which samples are cut, where not all are
-        read = _read(job)
-        save_samples(
-            bend.position,
-            machine.model.dt,
-            machine.axes,
-            folder,
-            job.counted if isinstance(job, Job) and read is not None and read.rapid.any() else None,
-        )
+        counted = job.counted if isinstance(job, Job) and job.rapid.any() else None
+        save_samples(bend.position, machine.model.dt, machine.axes, folder, counted)
     if verdict.usable and flat:
         save_program(
             moves,
@@ -87,7 +80,6 @@ def command(flags: Precompensate) -> int:
 
 def _result(loop: StoredLoop, bend: Bent, moves: Sequence[Moves]) -> BentResult:
     machine, job = loop.machine, bend.job
-    read = _read(job)
     return BentResult(
         machine=machine_summary(machine),
         controller=loop.name,
@@ -104,7 +96,7 @@ def _result(loop: StoredLoop, bend: Bent, moves: Sequence[Moves]) -> BentResult:
         limits_before=bend.limits_before,
         asked=bend.asked,
         halts=sum(bool(one.asked) for one in moves),
-        ramps=0 if read is None else len(read.ramps),
+        ramps=0 if job.program is None else len(job.program.ramps),
         unlimited=tuple(name for name in BOUNDS if getattr(machine.limits, name) is None),
         weights=loop.weights,
         warnings=() if job.program is None else job.program.warnings,
@@ -112,11 +104,6 @@ def _result(loop: StoredLoop, bend: Bent, moves: Sequence[Moves]) -> BentResult:
         rests=bend.rests,
         changing=max((one.acceleration for one in moves if not one.rapid), default=0.0),
     )
-
-
-def _read(job: Task) -> Toolpath | None:
-    """The file behind a run; None where there is none."""
-    return job.program.read if isinstance(job, Job) and job.program is not None else None
 
 
 def show(result: BentResult, console: Console) -> None:

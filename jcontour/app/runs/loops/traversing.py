@@ -116,8 +116,8 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
     if ending is not Ending.ARRIVED:
         words, helps = LOST[ending]
         messages.append(reason(f"{words}{': ' if failure else ''}{failure}", helps))
-    if isinstance(job, Job) and job.program is not None and job.program.read is not None:
-        messages += [warning(line) for line in not_kept(job.program.read, flags.contour or "")]
+    if isinstance(job, Job) and job.program is not None:
+        messages += [warning(line) for line in not_kept(job.program, flags.contour or "")]
     read = read_of(job, hosted.plant.dt)
     time = None  # until the tool has arrived [s]
     lost_ones = (Ending.DIVERGED, Ending.UNSOLVED)

@@ -9,9 +9,9 @@ from jcontour.app.commands.loops.simulate import _verdict, next_steps
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.jobs.job import Program
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.plain_numbers import WholePath
+from jcontour.geometry.toolpaths import Toolpath
 from tests.app import small_runs
 from tests.canonical import DT
 
@@ -60,7 +60,7 @@ def test_every_fault_of_a_run_is_in_its_verdict():
     counted = np.arange(20) >= 5  # a rapid move comes before
     position = np.zeros((1, 20, 2))
     position[0, :, 0] = 0.1 * DT * np.arange(20)
-    program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
+    program = small_runs.partly(Toolpath, line=np.ones(1, int), rapid=np.zeros(1, bool))
     job = small_runs.job("part", counted, program=program)
     machine = small_runs.machine(
         MachineLimits(acceleration=np.full(2, 5.0), control=np.full(2, 10.0))

@@ -90,10 +90,10 @@ def test_what_of_a_program_is_not_kept_is_told(tmp_path):
     part.write_text(PROGRAM)
     machine = machine_named("xy-table")
     job = job_named(str(part), Pace.of(MachineFlags(), machine))
-    (line,) = not_kept(job.program.read, str(part))
+    (line,) = not_kept(job.program, str(part))
     lost = "feeds, stops, waits, rapid moves of the file are not kept"
     assert f"{lost}; rapid moves are part of the path" in line
-    none = job.program.read._replace(rapid=np.zeros_like(job.program.read.rapid))
+    none = job.program._replace(rapid=np.zeros_like(job.program.rapid))
     assert "rapid" not in not_kept(none, str(part))[0]
 
 
