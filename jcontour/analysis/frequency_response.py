@@ -72,10 +72,10 @@ class Responses(NamedTuple):
     @classmethod
     def of(cls, loop: FrozenLoop, encoding: Encoding) -> "Responses":
         """Both in triangular form, each only once where loops share it."""
-        (A, B, H), (W, E, K, D) = (_unrepeated(part) for part in loop)
+        (A, B, H), (W, E, K, D) = (_without_repeats(part) for part in loop)
         return cls(Triangular.of(A, B, H), Triangular.of(W, E, K), D, encoding)
 
-    def heights(self, frequency: Float[np.ndarray, "*any F"]) -> Float[np.ndarray, "*loops F 2"]:
+    def gains(self, frequency: Float[np.ndarray, "*any F"]) -> Float[np.ndarray, "*loops F 2"]:
         """Largest singular values of S and T, over input and output; 0 where they are infinite.
 
         Args:
@@ -112,8 +112,8 @@ class Responses(NamedTuple):
         return P, K, _inverse(np.eye(K.shape[-2]) - K @ P)
 
 
-def _unrepeated(part: Any) -> Any:
-    """The same matrices; an axis of the batch along which none changes is kept once."""
+def _without_repeats(part: Any) -> Any:
+    """The same matrices, reduced to one entry along batch axes on which none changes."""
     for axis in range(part[0].ndim - 2):
         first = [M.take([0], axis) for M in part]
         if all((M == one).all() for M, one in zip(part, first, strict=True)):

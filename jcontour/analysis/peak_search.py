@@ -34,19 +34,19 @@ from jcontour.analysis.uncertain_loops import (
 
 # [rad per sample]; the first stands for 0, where integrators have no response
 GRID = np.pi * np.concatenate([[1e-7], np.geomspace(2e-7, 0.2, 46), np.linspace(0.2, 1, 17)[1:]])
-REFINED = 4  # highest points of the grid that are refined: the highest may lie beside its peak
-WIDEST = 0.02  # distance from the unit circle that is taken for a pair of poles, in the logarithm
-BESIDE = np.array([-10, -3, -1, -0.3, 0.3, 1, 3, 10])  # distances at which a pair is looked at
+CANDIDATES = 4  # highest local maxima that are refined
+WIDEST = 0.02  # 1 - |p| of a pair of poles p, over its angle, at most
+OFFSETS = np.array([-10, -3, -1, -0.3, 0.3, 1, 3, 10])  # from the angle of a pair, in 1 - |p|
 SPREAD = 0.05  # of a bracket, about the vertex of its parabola: it shrinks to a tenth each time
-NARROWED = 4  # brackets of the highest peak after the first
+REFINEMENTS = 4  # of the bracket of the highest peak
 MEASURES = 4  # peak of S, peak of T, spectral radius, peak of W T
 
 
 class Brackets(NamedTuple):
-    """Peaks between three places each, the middle one the highest; curves S and T in axis -3."""
+    """Three points around each peak, the middle one the highest; curves S and T in axis -3."""
 
-    place: Float[np.ndarray, "*loops 2 R 3"]  # logarithms of frequencies
-    height: Float[np.ndarray, "*loops 2 R 3"]  # there
+    log_w: Float[np.ndarray, "*loops 2 R 3"]  # logarithm of the frequency [rad per sample]
+    value: Float[np.ndarray, "*loops 2 R 3"]  # largest singular value there
 
 
 def loop_measures(
@@ -77,23 +77,24 @@ def loop_measures(
     size = np.where(finite, radius, np.inf), slope_of(loop, left, right).only(finite)
     responses = Responses.of(loop, encoding)
     # a loop that is not stable has no peaks: its numbers are those of one that is
-    poles, kept = np.where(stable[..., None], poles, 0.0), np.where(stable[..., None, None], M, 0.0)
+    poles = np.where(stable[..., None], poles, 0.0)
+    closed = np.where(stable[..., None, None], M, 0.0)
     frequency = peak_frequencies(responses, poles)
     measures = []
     for curve in range(2):  # S, then T
         z = np.exp(1j * frequency[..., curve])
-        peak, slope = _top(loop, kept, responses.encoding, z, curve)
+        peak, slope = _peak(loop, closed, responses.encoding, z, curve)
         measures.append((np.where(stable, peak, np.inf), slope.only(stable)))
-    still = np.zeros(kept.shape[:-1])
-    uncertain = np.zeros(stable.shape), slope_of(loop, still, still)
+    zero = np.zeros(closed.shape[:-1])
+    uncertain = np.zeros(stable.shape), slope_of(loop, zero, zero)
     if uncertainty is not None:
-        points = np.exp(_places(poles))
-        peak, slope = uncertainty_measure(loop, kept, responses, points, uncertainty)
+        points = np.exp(_search_frequencies(poles))
+        peak, slope = uncertainty_measure(loop, closed, responses, points, uncertainty)
         uncertain = np.where(stable, peak, np.inf), slope.only(stable)
         if any(one.frequency.size for one in uncertainty.lines):
             # of the first plants the peak of S around what was measured, if larger
             highest, its_slope = measures[0]
-            peak, slope = measured_sensitivity(loop, kept, responses, uncertainty.lines)
+            peak, slope = measured_sensitivity(loop, closed, responses, uncertainty.lines)
             larger = (peak > highest) & (np.arange(peak.shape[-1]) == 0)
             measures[0] = np.where(larger, peak, highest), slope.only(larger, its_slope)
     measures += [size, uncertain]
@@ -111,24 +112,24 @@ def peak_frequencies(
         responses: of the loops.
         poles: of the closed loops, which are stable.
     """
-    places = _places(poles)
-    on_grid = np.broadcast_to(responses.heights(GRID), (*poles.shape[:-1], GRID.size, 2))
-    beside = responses.heights(np.exp(places[..., GRID.size :]))
+    log_w = _search_frequencies(poles)
+    on_grid = np.broadcast_to(responses.gains(GRID), (*poles.shape[:-1], GRID.size, 2))
+    beside = responses.gains(np.exp(log_w[..., GRID.size :]))
     values = np.concatenate([on_grid, beside], axis=-2)
-    order = np.argsort(places, axis=-1)
-    places = np.take_along_axis(places, order, axis=-1)
+    order = np.argsort(log_w, axis=-1)
+    log_w = np.take_along_axis(log_w, order, axis=-1)
     values = np.take_along_axis(values, order[..., None], axis=-2)
-    brackets = _narrowed(responses, _highest(places, values))
-    best = np.argmax(brackets.height[..., 1], axis=-1)[..., None, None]
-    brackets = Brackets(*(np.take_along_axis(one, best, axis=-2) for one in brackets))
-    for _ in range(NARROWED):
-        brackets = _narrowed(responses, brackets)
+    brackets = _refined(responses, _local_maxima(log_w, values))
+    best = np.argmax(brackets.value[..., 1], axis=-1)[..., None, None]
+    brackets = Brackets(*(np.take_along_axis(points, best, axis=-2) for points in brackets))
+    for _ in range(REFINEMENTS):
+        brackets = _refined(responses, brackets)
     frequency = np.exp(_vertex(brackets)[..., 0])
     return np.where(frequency > np.pi, 2 * np.pi - frequency, frequency)
 
 
-def _places(poles: Complex[np.ndarray, "*loops N"]) -> Float[np.ndarray, "*loops F"]:
-    """Logarithms of the grid, then of some frequencies for each pair of poles."""
+def _search_frequencies(poles: Complex[np.ndarray, "*loops N"]) -> Float[np.ndarray, "*loops F"]:
+    """Logarithms of the frequencies searched: the grid, then some around each pair of poles."""
     # at the angle of each pair and at multiples of its distance from the unit circle: zeros beside
     # the pair move its peak by several times its width
     pairs = min(poles.shape[-1] // 2, GRID.size - 2)
@@ -141,59 +142,55 @@ def _places(poles: Complex[np.ndarray, "*loops N"]) -> Float[np.ndarray, "*loops
     resonant, angle, relative = (
         np.take_along_axis(one, narrow, axis=-1) for one in (resonant, angle, relative)
     )
-    beside = np.log(np.where(resonant, angle, unused))
+    centre = np.log(np.where(resonant, angle, unused))
     width = np.where(resonant, np.minimum(relative, WIDEST), WIDEST)
     grid = np.broadcast_to(np.log(GRID), (*poles.shape[:-1], GRID.size))
-    around = np.exp(beside[..., None] + width[..., None] * BESIDE)
+    around = np.exp(centre[..., None] + width[..., None] * OFFSETS)
     around = np.minimum(around, 2 * np.pi - around).reshape(*poles.shape[:-1], -1)
     return np.concatenate([grid, np.log(around)], axis=-1)
 
 
-def _highest(
-    places: Float[np.ndarray, "*loops F"], values: Float[np.ndarray, "*loops F 2"]
+def _local_maxima(
+    log_w: Float[np.ndarray, "*loops F"], values: Float[np.ndarray, "*loops F 2"]
 ) -> Brackets:
-    """Highest local maxima of both curves, REFINED of each, and their neighbours."""
+    """Highest local maxima of both curves, CANDIDATES of each, and their neighbours."""
     # beyond pi a curve is its own reflection
-    mirrored = np.log(2 * np.pi - np.exp(places[..., -2:-1]))
-    places = np.concatenate([places[..., :1] - 1, places, mirrored], axis=-1)
+    mirrored = np.log(2 * np.pi - np.exp(log_w[..., -2:-1]))
+    log_w = np.concatenate([log_w[..., :1] - 1, log_w, mirrored], axis=-1)
     values = np.concatenate([values[..., :1, :], values, values[..., -2:-1, :]], axis=-2)
     curves = np.swapaxes(values, -1, -2)
     before, here, after = curves[..., :-2], curves[..., 1:-1], curves[..., 2:]
     top = np.where((here >= before) & (here >= after), here, -np.inf)
-    chosen = np.argsort(-top, axis=-1)[..., :REFINED]
+    chosen = np.argsort(-top, axis=-1)[..., :CANDIDATES]
     rows = chosen[..., None] + np.arange(3)
-    both = np.broadcast_to(places[..., None, :], curves.shape)
-    return Brackets(*(_taken(one, rows) for one in (both, curves)))
-
-
-def _taken(values: Float[np.ndarray, "*loops 2 F"], rows) -> Float[np.ndarray, "*loops 2 R 3"]:
-    """values[..., rows[..., r, k]]."""
+    both = np.broadcast_to(log_w[..., None, :], curves.shape)
     flat = rows.reshape(*rows.shape[:-2], -1)
-    return np.take_along_axis(values, flat, axis=-1).reshape(rows.shape)
+    taken = [np.take_along_axis(points, flat, axis=-1) for points in (both, curves)]
+    return Brackets(*(points.reshape(rows.shape) for points in taken))
 
 
-def _narrowed(responses: Responses, brackets: Brackets) -> Brackets:
-    """Brackets around the highest of the points known and three more about the vertex."""
-    width = brackets.place[..., 2] - brackets.place[..., 0]
+def _refined(responses: Responses, brackets: Brackets) -> Brackets:
+    """Narrower brackets around the highest point, after three more evaluations at the vertex."""
+    width = brackets.log_w[..., 2] - brackets.log_w[..., 0]
     spread = SPREAD * width[..., None] * np.array([-1.0, 0.0, 1.0])
-    low, high = brackets.place[..., :1], brackets.place[..., 2:]
-    places = np.clip(_vertex(brackets)[..., None] + spread, low, high)
-    flat = np.exp(places).reshape(*places.shape[:-3], -1)
-    both = responses.heights(flat).reshape(*places.shape, 2)
-    levels = np.stack([both[..., k, :, :, k] for k in range(2)], axis=-3)
-    places = np.concatenate([brackets.place, places], axis=-1)
-    levels = np.concatenate([brackets.height, levels], axis=-1)
-    order = np.argsort(places, axis=-1)
-    places, levels = (np.take_along_axis(one, order, axis=-1) for one in (places, levels))
-    best = np.clip(np.argmax(levels, axis=-1), 1, 4)[..., None]
+    low, high = brackets.log_w[..., :1], brackets.log_w[..., 2:]
+    log_w = np.clip(_vertex(brackets)[..., None] + spread, low, high)
+    flat = np.exp(log_w).reshape(*log_w.shape[:-3], -1)
+    both = responses.gains(flat).reshape(*log_w.shape, 2)
+    values = np.stack([both[..., k, :, :, k] for k in range(2)], axis=-3)
+    log_w = np.concatenate([brackets.log_w, log_w], axis=-1)
+    values = np.concatenate([brackets.value, values], axis=-1)
+    order = np.argsort(log_w, axis=-1)
+    log_w, values = (np.take_along_axis(one, order, axis=-1) for one in (log_w, values))
+    best = np.clip(np.argmax(values, axis=-1), 1, 4)[..., None]
     rows = best + np.array([-1, 0, 1])
-    return Brackets(*(np.take_along_axis(one, rows, axis=-1) for one in (places, levels)))
+    return Brackets(*(np.take_along_axis(one, rows, axis=-1) for one in (log_w, values)))
 
 
 def _vertex(brackets: Brackets) -> Float[np.ndarray, "*loops 2 R"]:
     """Vertex of the parabola through three points; never the middle one itself."""
-    a, b, c = np.moveaxis(brackets.place, -1, 0)
-    low, top, high = np.moveaxis(brackets.height, -1, 0)
+    a, b, c = np.moveaxis(brackets.log_w, -1, 0)
+    low, top, high = np.moveaxis(brackets.value, -1, 0)
     left, right = (top - low) * (c - b), (top - high) * (b - a)
     area = left + right
     step = (left * (c - b) - right * (b - a)) / np.where(area > 0, 2 * area, 1.0)
@@ -201,7 +198,7 @@ def _vertex(brackets: Brackets) -> Float[np.ndarray, "*loops 2 R"]:
     return b + np.where(np.abs(step) > np.abs(least), step, least)
 
 
-def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops"], curve: int):
+def _peak(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops"], curve: int):
     """Largest singular value of S (curve 0) or T (1) at one frequency, and its slope."""
     # d_u is added to the control, J d_y to what the controller reads; T_u is the answer of the
     # control to d_u, T_y that of the positions to d_y; S = I + T
@@ -212,7 +209,7 @@ def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops
     exit = blocks([[D @ H, K], [encoding.read @ H, np.zeros((r, c))]])
     resolvent = np.linalg.inv(z[..., None, None] * np.eye(M.shape[-1]) - M)
     T = exit @ resolvent @ entry
-    of_input, of_output = (_singular(T, rows, 1 - curve) for rows in (slice(0, p), slice(p, p + r)))
+    of_input, of_output = (_block(T, rows, 1 - curve) for rows in (slice(0, p), slice(p, p + r)))
     larger = of_input[0] >= of_output[0]
     size = np.where(larger, of_input[0], of_output[0])
     u, v = (
@@ -224,7 +221,7 @@ def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops
     return size, slope_of(loop, left, right, ends)
 
 
-def _singular(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
+def _block(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
     """Largest singular value of a block of one I + T."""
     block = T[..., rows, rows]
     size = block.shape[-1]

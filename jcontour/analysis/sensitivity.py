@@ -80,7 +80,7 @@ def sensitivity_curves(
     """
     loops = jax.device_get(frozen_family(plants, controller, windows))
     responses = Responses.of(loops, encoding_of(plants, windows))
-    heights = responses.heights(np.asarray(frequencies))[..., 0]
+    heights = responses.gains(np.asarray(frequencies))[..., 0]
     batch = loops.machine.A.shape[:-2]
     return np.broadcast_to(heights, (*batch, heights.shape[-1]))
 

@@ -1,4 +1,4 @@
-"""Frozen loops around a plant whose response is known to some part of itself only. Host side.
+"""Frozen loops around a plant with a relative uncertainty of its response. Host side.
 
 The true plant is P (I + E W), E diagonal with entries of magnitude at most 1 at every frequency, W
 diagonal: the relative uncertainty of the response behind each control. The closed loop is stable
@@ -25,21 +25,21 @@ from jcontour.analysis.frozen_loops import (
     turned,
 )
 
-GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] that is looked at in any case
+GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] searched in any case
 DEVIATIONS = 1.96  # in half an interval of 95 %
-BORNE = 0.5  # of W T_u: a factor of two stays on everything that is not known
+BORNE = 0.5  # largest W T_u accepted: a margin of two on the uncertainty
 
 
 class Lines(NamedTuple):
     """What was measured of the response behind one control, at some frequencies."""
 
     frequency: Float[np.ndarray, " F"]  # [rad per sample]
-    off: Complex[np.ndarray, " F"]  # P_true / P - 1
+    error: Complex[np.ndarray, " F"]  # relative: P_true / P - 1
     half_width: Float[np.ndarray, " F"]  # of its 95 % interval
 
 
 class ResponseUncertainty(NamedTuple):
-    """How far off the response of a plant may be."""
+    """Relative uncertainty of the response of a plant."""
 
     frequency: Float[np.ndarray, " F"]  # [rad per sample], rising, above 0
     # largest |P_true / P - 1| behind each control. In between it is linear in the logarithm of the
@@ -72,31 +72,31 @@ def measured_sensitivity(
         responses: of the same loops.
         lines: for every control; not all are empty.
     """
-    heights, places, errors = [], [], []
-    for k, (frequency, off, half_width) in enumerate(lines):
+    values, frequencies, errors = [], [], []
+    for k, (frequency, error, half_width) in enumerate(lines):
         T = responses.control_complementary(frequency)
-        left = 1 - T[..., k, k] * off
-        reach = np.abs(T[..., k, k]) * half_width / DEVIATIONS
-        nearer = np.minimum(reach / np.maximum(np.abs(left), 1e-300), 1.0) * left
-        E = off + nearer / np.where(T[..., k, k] == 0, 1e-300, T[..., k, k])
+        left = 1 - T[..., k, k] * error
+        radius = np.abs(T[..., k, k]) * half_width / DEVIATIONS
+        nearer = np.minimum(radius / np.maximum(np.abs(left), 1e-300), 1.0) * left
+        E = error + nearer / np.where(T[..., k, k] == 0, 1e-300, T[..., k, k])
         chosen = np.eye(T.shape[-1])[k]
         S = _around(T, E[..., None] * chosen)
-        lost = (np.real(left) <= 0) & (np.abs(np.imag(left)) <= reach) | (reach >= np.abs(left))
-        heights.append(np.where(lost, np.inf, largest_singular(S)))
-        places.append(np.broadcast_to(frequency, heights[-1].shape))
+        fails = (np.real(left) <= 0) & (np.abs(np.imag(left)) <= radius) | (radius >= np.abs(left))
+        values.append(np.where(fails, np.inf, largest_singular(S)))
+        frequencies.append(np.broadcast_to(frequency, values[-1].shape))
         errors.append(E[..., None] * chosen)
-    height = np.concatenate(heights, axis=-1)
+    height = np.concatenate(values, axis=-1)
     best = np.argmax(height, axis=-1)[..., None]
     top = np.take_along_axis(height, best, axis=-1)[..., 0]
-    w = np.take_along_axis(np.concatenate(places, axis=-1), best, axis=-1)[..., 0]
+    w = np.take_along_axis(np.concatenate(frequencies, axis=-1), best, axis=-1)[..., 0]
     E = np.take_along_axis(np.concatenate(errors, axis=-2), best[..., None], axis=-2)[..., 0, :]
     T = _complementary(loop, closed, np.exp(1j * w))[0]
     U, _, V = np.linalg.svd(_around(T, E))
     u, v = U[..., 0], np.conj(V[..., 0, :])
     own = np.swapaxes(np.eye(T.shape[-1]) - T * E[..., None, :], -1, -2)
-    of_control = np.linalg.solve(own, np.conj(u)[..., None])[..., 0]
+    left_vector = np.linalg.solve(own, np.conj(u)[..., None])[..., 0]
     control = v + E * times(_around(T, E), v)
-    slope = _slope(loop, closed, np.exp(1j * w), of_control, control)
+    slope = _slope(loop, closed, np.exp(1j * w), left_vector, control)
     return top, slope.only(np.isfinite(top))
 
 
@@ -110,7 +110,7 @@ def uncertainty_measure(
     loop: FrozenLoop,
     closed: Float[np.ndarray, "*loops N N"],
     responses: Responses,
-    places: Float[np.ndarray, "*loops F"],
+    frequencies: Float[np.ndarray, "*loops F"],
     uncertainty: ResponseUncertainty,
 ) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
     """Largest sigma(W T_u), and its slope in the matrices of the loop (envelope theorem).
@@ -119,17 +119,17 @@ def uncertainty_measure(
         loop: stable, batched in front.
         closed: the matrix of the closed loop.
         responses: of the same loops.
-        places: frequencies [rad per sample], looked at beside `GRID` and those of the uncertainty.
+        frequencies: [rad per sample], searched beside `GRID` and those of the uncertainty.
         uncertainty: W.
     """
-    batch = places.shape[:-1]
+    batch = frequencies.shape[:-1]
     own = np.concatenate([GRID, uncertainty.frequency])
     own = np.broadcast_to(own, (*batch, own.size))
-    frequency = np.concatenate([places, own], axis=-1)
-    heights = largest_singular(
+    frequency = np.concatenate([frequencies, own], axis=-1)
+    values = largest_singular(
         uncertainty.at(frequency)[..., None] * responses.control_complementary(frequency)
     )
-    best = np.argmax(np.nan_to_num(heights, posinf=0.0), axis=-1)[..., None]
+    best = np.argmax(np.nan_to_num(values, posinf=0.0), axis=-1)[..., None]
     top = np.take_along_axis(frequency, best, axis=-1)[..., 0]
     return _at(loop, closed, np.exp(1j * top), uncertainty.at(top))
 
@@ -137,13 +137,13 @@ def uncertainty_measure(
 def _at(loop: FrozenLoop, closed, z, weight) -> tuple[np.ndarray, FrozenLoop]:
     """sigma(W T_u) at one frequency, and its slope."""
     T, _ = _complementary(loop, closed, z)
-    U, heights, V = np.linalg.svd(weight[..., None] * T)
-    of_control, control = weight * np.conj(U[..., 0]), np.conj(V[..., 0, :])
-    return heights[..., 0], _slope(loop, closed, z, of_control, control)
+    U, values, V = np.linalg.svd(weight[..., None] * T)
+    left_vector, control = weight * np.conj(U[..., 0]), np.conj(V[..., 0, :])
+    return values[..., 0], _slope(loop, closed, z, left_vector, control)
 
 
 def _complementary(loop: FrozenLoop, closed, z) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-    """T_u at one frequency, and what it is made of: leave, resolvent, entry."""
+    """T_u at one frequency, and its factors: output map, resolvent, input map."""
     (_, B, H), (W, _, K, D) = loop
     entry = blocks([[B], [np.zeros((W.shape[-1], B.shape[-1]))]])
     leave = blocks([[D @ H, K]])
@@ -151,10 +151,10 @@ def _complementary(loop: FrozenLoop, closed, z) -> tuple[np.ndarray, tuple[np.nd
     return leave @ resolvent @ entry, (leave, resolvent, entry)
 
 
-def _slope(loop: FrozenLoop, closed, z, of_control, control) -> FrozenLoop:
-    """Slope of Re(of_control' T_u control) in the matrices of the loop."""
+def _slope(loop: FrozenLoop, closed, z, left_vector, control) -> FrozenLoop:
+    """Slope of Re(left_vector' T_u control) in the matrices of the loop."""
     leave, resolvent, entry = _complementary(loop, closed, z)[1]
     right = times(resolvent, times(entry, control))
-    left = times(turned(leave @ resolvent), of_control)
+    left = times(turned(leave @ resolvent), left_vector)
     nothing = np.zeros(())
-    return slope_of(loop, left, right, Ends(control, nothing, of_control, nothing))
+    return slope_of(loop, left, right, Ends(control, nothing, left_vector, nothing))

@@ -28,7 +28,7 @@ class LeastPeak:
 
     # one of the optimal responses; the tolerance is unique, the responses are not
     response: FiniteResponse
-    tolerance: float  # the smallest largest peak of the signals that are made small
+    tolerance: float  # the smallest largest peak of the signals that are minimised
     peaks: dict[str, float]  # peak of every signal by name
     # names of the signals whose limits keep the tolerance from being smaller
     limiting: tuple[str, ...]
@@ -60,21 +60,21 @@ class PeakProgram:
         self,
         model: DisturbedModel,
         signals: Sequence[Signal],
-        small: int,
+        minimised: int,
         length: int,
     ):
         self.model, self.length = model, length
-        self.small = list(signals[:small])
+        self.minimised = list(signals[:minimised])
         self.bounded = [signal for signal in signals if np.isfinite(signal.limit)]
-        self.each: int = (length - 1) * model.states + length * model.inputs
-        self.responses_size = self.each * model.disturbances
+        self.per_disturbance: int = (length - 1) * model.states + length * model.inputs
+        self.responses_size = self.per_disturbance * model.disturbances
         self.sizes = length * model.disturbances  # absolute values of one signal
         self.optimum = self.responses_size + self.sizes * self.signals
 
     @property
     def signals(self) -> int:
         """Number of signals whose absolute values are variables."""
-        return len(self.small) + len(self.bounded)
+        return len(self.minimised) + len(self.bounded)
 
     def solved(self, scales: np.ndarray, size: float, soft: bool = False) -> OptimizeResult | None:
         """Optimum; None where there is none.
@@ -82,7 +82,7 @@ class PeakProgram:
         Args:
             scales: of the states (n,).
             size: of the optimum.
-            soft: the excess over the limits is made small, and nothing else.
+            soft: the excess over the limits is minimised, and nothing else.
         """
         equations, values = self._equations(scales)
         peaks, most = self._peaks(scales, size)
@@ -114,17 +114,18 @@ class PeakProgram:
     def responses(self, solution: OptimizeResult, scales: np.ndarray):
         """States X_1..X_{N-1} and controls U_0..U_{N-1} of the optimum."""
         n, p, N, q = *self.model.B.shape, self.length, self.model.disturbances
-        each = solution.x[: self.responses_size].reshape(q, self.each)
+        each = solution.x[: self.responses_size].reshape(q, self.per_disturbance)
         states = each[:, : (N - 1) * n].reshape(q, N - 1, n) * scales
         controls = each[:, (N - 1) * n :].reshape(q, N, p)
         whole = np.concatenate([self.model.E.T[:, None], states], axis=1)
         return whole.transpose(1, 2, 0), controls.transpose(1, 2, 0)
 
     def limiting(self, solution: OptimizeResult) -> tuple[str, ...]:
-        """Names of the limits that the optimum leans on."""
-        forces = solution.ineqlin.marginals[len(solution.ineqlin.marginals) - len(self.bounded) :]
-        pairs = zip(self.bounded, np.abs(forces), strict=True)
-        return tuple(signal.name for signal, force in pairs if force > ACTIVE)
+        """Names of the limits that are active at the optimum."""
+        multipliers = solution.ineqlin.marginals
+        multipliers = multipliers[multipliers.size - len(self.bounded) :]
+        pairs = zip(self.bounded, np.abs(multipliers), strict=True)
+        return tuple(signal.name for signal, size in pairs if size > ACTIVE)
 
     def excess(self, solution: OptimizeResult) -> np.ndarray:
         """Excess over every limit, relative."""
@@ -148,9 +149,9 @@ class PeakProgram:
 
     def _peaks(self, scales: np.ndarray, size: float) -> tuple[sparse.csr_array, np.ndarray]:
         """Absolute values from above; their sums under the optimum, then under the limits."""
-        units = [size] * len(self.small)
+        units = [size] * len(self.minimised)
         units += [(1 - HEADROOM) * signal.limit for signal in self.bounded]
-        signals = [*self.small, *self.bounded]
+        signals = [*self.minimised, *self.bounded]
         rows, values = [], []
         for place, (signal, unit) in enumerate(zip(signals, units, strict=True)):
             response, known = self._response(signal, scales, unit)
@@ -161,7 +162,7 @@ class PeakProgram:
             values += [-known, known]
         sums = sparse.kron(sparse.eye_array(len(signals)), np.ones((1, self.sizes)))
         optimum = np.zeros((len(signals), 1))
-        optimum[: len(self.small)] = -1.0
+        optimum[: len(self.minimised)] = -1.0
         beside = sparse.csr_array((len(signals), self.responses_size))
         rows.append(sparse.hstack([beside, sums, optimum]))
         values.append(1.0 + optimum[:, 0])
@@ -181,7 +182,7 @@ class PeakProgram:
 
 def least_peak(
     model: DisturbedModel,
-    small: Sequence[Signal],
+    minimised: Sequence[Signal],
     limited: Sequence[Signal],
     length: int,
 ) -> LeastPeak:
@@ -198,31 +199,44 @@ def least_peak(
 
     Args:
         model: matrices A, B, E.
-        small: signals whose largest peak is made small, all in one unit; a limit on one holds too.
+        minimised: signals whose largest peak is the cost, all in one unit; limits on them hold.
         limited: signals with a limit.
         length: samples N after which the answer to a disturbance has come to rest.
 
     Raises:
         NoResponse: no response of this length respects the limits; it names what is too small.
-        ValueError: nothing is made small, a length below one, or a limit that is not above zero.
+        ValueError: nothing is minimised, a length below one, or a limit that is not above zero.
     """
-    _check(model, small, limited, length)
-    program = PeakProgram(model, [*small, *limited], len(small), length)
-    rough, sizes = _rough(program)
+    if not minimised:
+        raise ValueError("minimised: needs at least one signal")
+    if length < 1:
+        raise ValueError(f"length: needs at least one sample, received {length}")
+    names = [signal.name for signal in [*minimised, *limited]]
+    if len(set(names)) < len(names):
+        raise ValueError(f"signals: every name may be there once, received {', '.join(names)}")
+    for signal in [*minimised, *limited]:
+        shapes = np.shape(signal.state), np.shape(signal.control)
+        if shapes != ((model.states,), (model.inputs,)):
+            needed = f"({model.states},) and ({model.inputs},)"
+            raise ValueError(f"{signal.name}: needs rows of shape {needed}, received {shapes}")
+        if not signal.limit > 0:
+            raise ValueError(f"{signal.name}: needs a limit above zero, received {signal.limit}")
+    program = PeakProgram(model, [*minimised, *limited], len(minimised), length)
+    first, sizes = _first_solution(program)
     # every state and the optimum itself are scaled to one: the solver's tolerances are absolute
-    scales = _scales(program, rough, sizes)
-    size = max(float(rough.x[program.optimum]), np.finfo(float).tiny ** 0.25)
+    scales = _scales(program, first, sizes)
+    size = max(float(first.x[program.optimum]), np.finfo(float).tiny ** 0.25)
     fine = program.solved(scales, size)
     if fine is None:
-        fine, scales, size = rough, sizes, 1.0
+        fine, scales, size = first, sizes, 1.0
     _, controls = program.responses(fine, scales)
     response = brought_to_rest(model, controls)
-    peaks = {signal.name: response.peak(signal) for signal in [*small, *limited]}
-    tolerance = max(peaks[signal.name] for signal in small)
+    peaks = {signal.name: response.peak(signal) for signal in [*minimised, *limited]}
+    tolerance = max(peaks[signal.name] for signal in minimised)
     return LeastPeak(response, tolerance, peaks, program.limiting(fine))
 
 
-def _rough(program: PeakProgram) -> tuple[OptimizeResult, Float[np.ndarray, " n"]]:
+def _first_solution(program: PeakProgram) -> tuple[OptimizeResult, Float[np.ndarray, " n"]]:
     """First optimum and its scales of the states, by which the solver finds an answer."""
     # with states of one, of the largest push, and of a response that keeps the limits, which is
     # found even where the numbers are of very different sizes
@@ -279,22 +293,3 @@ def _impossible(
     ]
     message = f"limits: no response of {N} samples keeps them: {'; '.join(needs)}"
     return NoResponse(message, needed)
-
-
-def _check(
-    model: DisturbedModel, small: Sequence[Signal], limited: Sequence[Signal], length: int
-) -> None:
-    if not small:
-        raise ValueError("small: needs at least one signal to make small")
-    if length < 1:
-        raise ValueError(f"length: needs at least one sample, received {length}")
-    names = [signal.name for signal in [*small, *limited]]
-    if len(set(names)) < len(names):
-        raise ValueError(f"signals: every name may be there once, received {', '.join(names)}")
-    for signal in [*small, *limited]:
-        shapes = np.shape(signal.state), np.shape(signal.control)
-        if shapes != ((model.states,), (model.inputs,)):
-            needed = f"({model.states},) and ({model.inputs},)"
-            raise ValueError(f"{signal.name}: needs rows of shape {needed}, received {shapes}")
-        if not signal.limit > 0:
-            raise ValueError(f"{signal.name}: needs a limit above zero, received {signal.limit}")

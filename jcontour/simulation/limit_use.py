@@ -23,7 +23,7 @@ from jcontour._arrays import largest
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 
-DEAD = 1e-9  # magnitude of a pole, below which its mode is a delay and no motion
+DELAY = 1e-9  # magnitude of a pole, up to which its mode is a delay
 
 
 class AxisLimits(NamedTuple):
@@ -125,7 +125,7 @@ def hidden_acceleration(plant: LinearPlant, delay: int = 0) -> Float[np.ndarray,
     """
     A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
     swing = np.linalg.lstsq(np.eye(plant.states) + A, -B, rcond=None)[0]
-    speed = C @ _rate(A, plant.dt) @ np.linalg.matrix_power(A, delay)
+    speed = C @ _generator(A, plant.dt) @ np.linalg.matrix_power(A, delay)
     within = 2 * np.abs(speed @ swing) / plant.dt
     shown = 4 * np.abs(C @ swing) / plant.dt**2
     return np.maximum(within - shown, 0.0)
@@ -143,16 +143,17 @@ def alternating(
     return abs(after - 2 * now + before) / 4
 
 
-def _rate(A: Float[np.ndarray, "n n"], dt: float) -> np.ndarray:
+def _generator(A: Float[np.ndarray, "n n"], dt: float) -> np.ndarray:
     """Generator log(A) / dt of the motion; complex where a pole is negative."""
     from scipy.linalg import logm, schur, solve_sylvester  # takes a while to load
 
     # a lambda: SciPy counts the arguments of the function, and sees none of a decorated one
-    alive_first = schur(A.astype(complex), output="complex", sort=lambda pole: abs(pole) > DEAD)
-    upper, basis, alive = cast(tuple[np.ndarray, np.ndarray, int], alive_first)
-    if not alive:
+    slow_first = schur(A.astype(complex), output="complex", sort=lambda pole: abs(pole) > DELAY)
+    upper, basis, slow = cast(tuple[np.ndarray, np.ndarray, int], slow_first)
+    if not slow:
         return np.zeros_like(A)
-    motion, mixed, dead = upper[:alive, :alive], upper[:alive, alive:], upper[alive:, alive:]
-    apart = solve_sylvester(motion, -dead, -mixed) if mixed.size else mixed
-    back = np.hstack([np.eye(alive), -apart]) @ basis.conj().T  # onto the coordinates of the motion
-    return basis[:, :alive] @ logm(motion) @ back / dt
+    motion, mixed, delays = upper[:slow, :slow], upper[:slow, slow:], upper[slow:, slow:]
+    coupling = solve_sylvester(motion, -delays, -mixed) if mixed.size else mixed
+    # projection onto the coordinates of the motion
+    back = np.hstack([np.eye(slow), -coupling]) @ basis.conj().T
+    return basis[:, :slow] @ logm(motion) @ back / dt

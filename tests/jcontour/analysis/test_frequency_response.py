@@ -46,7 +46,7 @@ def test_heights_of_a_batch_that_shares_plants_and_laws(axes):
     encoding = Encoding(shown, shown, 0 * shown)
     repeated = [np.repeat(matrix, 2, axis=0) for matrix in (A, B, H)]
     loop = FrozenLoop(LinearMachine(*repeated), LinearLaw(W, E, K, D))
-    actual = Responses.of(loop, encoding).heights(np.angle(Z))
+    actual = Responses.of(loop, encoding).gains(np.angle(Z))
     assert actual.shape == (2, 3, Z.size, 2)
     for k, p in np.ndindex(2, 3):
         P = by_numpy(A[0, p], B[0, p], H[0, p], Z)

@@ -138,7 +138,7 @@ def test_a_state_out_of_reach_is_said(slide):
 
 def test_bad_input_is_named(slide):
     x = slide.state_signals(["x"], [1, 0])
-    with pytest.raises(ValueError, match="small: needs at least one"):
+    with pytest.raises(ValueError, match="minimised: needs at least one"):
         least_peak(slide, [], x, 5)
     with pytest.raises(ValueError, match="length: needs at least one sample"):
         least_peak(slide, x, [], 0)
