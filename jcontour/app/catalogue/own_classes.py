@@ -188,10 +188,7 @@ def _made(own: OwnName, kind: type, make: Callable[[Any], Any]) -> Any:
 
 
 def _named(own: OwnName) -> Any:
-    try:
-        source = content_of(own.path, MOST_BYTES)
-    except OSError as error:
-        raise ValueError(f"{own.path}: cannot be read ({error.strerror or error})") from None
+    source = checks.bytes_of(own.path, MOST_BYTES)
     try:
         module = _module(own.path, source)
     except UntrustedCodeError:

@@ -2,7 +2,10 @@
 
 import json
 from math import pi
+from pathlib import Path
 from typing import Any
+
+from jcontour._regular_files import content_of
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # units of length in files
 RADIANS = {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180, "rev": 2 * pi}  # and of angles
@@ -12,7 +15,19 @@ LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 
 
 class MachineError(ValueError):
-    """A machine file that cannot be used; one line: field, what was received, what is needed."""
+    """A file that cannot be used; one line: field, what was received, what is needed."""
+
+
+def bytes_of(path: Path, most: int) -> bytes:
+    """Content of a file that a user names, of so many bytes at most.
+
+    Raises:
+        MachineError: it cannot be read.
+    """
+    try:
+        return content_of(path, most)
+    except OSError as error:
+        raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
 def json_value(content: bytes) -> Any:

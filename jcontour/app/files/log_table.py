@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jcontour._regular_files import content_of
-from jcontour.app.files.checks import line
+from jcontour.app.files.checks import bytes_of, line
 from jcontour.app.files.mat_file import NUMERIC, read_mat
 
 MOST_BYTES = 512 * 2**20
@@ -31,10 +30,7 @@ def read_table(path: Path) -> Table:
     Stamps of date and time become seconds. A column of a netCDF or MAT file is a vector, or a
     column of a matrix: `q` of two columns gives q_1 and q_2; `rec.q` is the field of a struct.
     """
-    try:
-        content = content_of(path, MOST_BYTES)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+    content = bytes_of(path, MOST_BYTES)
     if path.suffix.lower() == ".mat":
         table = _vectors(read_mat(path))
     elif path.suffix.lower() in (".nc", ".h5", ".hdf5"):

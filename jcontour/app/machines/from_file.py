@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from jcontour._regular_files import content_of
 from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.app.files import checks
 from jcontour.app.files.checks import METRES, MachineError
@@ -53,10 +52,7 @@ def load_machine(path: str | Path) -> Machine:
         MachineError: the file cannot be read, or a field is wrong.
     """
     path = Path(path)
-    try:
-        content = content_of(path, MOST_BYTES)
-    except OSError as error:
-        raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
+    content = checks.bytes_of(path, MOST_BYTES)
     try:
         return machine_from(content, path.stem)
     except MachineError as error:

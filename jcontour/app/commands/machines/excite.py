@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from jcontour._regular_files import content_of
 from jcontour.app.files import run_folder
-from jcontour.app.files.checks import json_value
+from jcontour.app.files.checks import bytes_of, json_value
 from jcontour.app.flags.machines import Identify
 from jcontour.app.jobs.excitation import PART, gcode, letters, program, read_limits
 from jcontour.app.reports import tables
@@ -17,10 +16,9 @@ def command(flags: Identify) -> int:
     """Write both programs; exit code."""
     path = flags.excite
     assert path is not None
+    content = bytes_of(path, MOST_BYTES)
     try:
-        given = json_value(content_of(path, MOST_BYTES))
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+        given = json_value(content)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     limits = read_limits(path, given)
