@@ -19,7 +19,7 @@ from jcontour.app.flags.others import Bench
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, ProxQP
-from jcontour.qp.staged import StagedQP, rollout, slopes
+from jcontour.qp.staged import StagedQP, gradient, rollout
 
 STAGES, STATES, CONTROLS = 20, 8, 4
 BATCH = 128
@@ -162,7 +162,7 @@ def condensed(qp: StagedQP) -> list[QP]:
     def cost(controls, qp: StagedQP):
         at = rollout(qp, controls.reshape(STAGES, CONTROLS))
         linear = jnp.sum(qp.h * at.stages) + qp.h_end @ at.end
-        slope = slopes(qp, at)
+        slope = gradient(qp, at)
         return 0.5 * (jnp.sum(slope.stages * at.stages) + slope.end @ at.end + linear)
 
     start = jnp.zeros(STAGES * CONTROLS)

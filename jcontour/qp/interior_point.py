@@ -30,52 +30,52 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jcontour.qp.staged import (
-    Changes,
+    Direction,
     Limits,
     Point,
     StagedQP,
     Trajectory,
-    another_step,
-    changes,
-    corrected,
+    advanced,
+    backward_sweep,
+    constant_term,
+    corrector_products,
     costates,
-    drifted,
-    factorised,
+    direction,
     first_point,
+    forward_sweep,
+    free_response,
     gap,
+    gradient,
     gram,
-    missed_by,
-    moved_on,
+    limit_gradient,
+    limit_values,
     newton,
     one_sided_limits,
-    possible,
-    products,
-    pulled,
-    pushes,
+    plus,
+    predictor_products,
+    primal_residual,
+    resolved_step,
     rollout,
-    rows,
-    slopes,
     softened_slack,
-    step_of,
-    summed,
+    step_length,
 )
 
 SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
-MOST = 40  # iterations; 8 to 12 are usual
-CLOSE = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
-CLOSEST = 2e-16  # where it ends even if rounding has left a limit's equation missed
-AIM = 1e-16  # no step aims at less: W would be so large that rounding spoils the costate
-NEAR = 1e-8  # mu over its largest value from where on a step may not spoil the costate
-SPOILT = 5e-7  # slope left with a control, over its largest term: half of what counts as solved
-MISSED = 1e-11  # by this, over the limit's width
-INWARD = 0.995  # of the way to the nearest limit
-FAR = 0.5  # part of a predicted step beyond which it is corrected in full
-ROOM = 0.5  # of a limit's width that a slack begins with, at least
-FIRST = 10.0  # first mu, over what the limits could cost each of them
+MOST_ITERATIONS = 40  # iterations; 8 to 12 are usual
+GAP = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
+LEAST_GAP = 2e-16  # where it ends even if rounding has left a limit's equation missed
+LEAST_TARGET = 1e-16  # of mu: below, W is so large that rounding spoils the costate
+NEAR_END = 1e-8  # mu over its largest value from where on a step may not spoil the costate
+STATIONARITY = 5e-7  # residual, over its largest term: half of what counts as solved
+FEASIBILITY = 1e-11  # residual of a limit's equation, over the limit's width
+TO_BOUNDARY = 0.995  # fraction of the way to the nearest limit
+LONG_STEP = 0.5  # length of a predictor step beyond which it is corrected in full
+FIRST_SLACK = 0.5  # least first slack, over the limit's width
+FIRST_MU = 10.0  # first mu, over what the limits could cost each of them
 ROUNDINGS = 100  # of the terms of a slope before they cancel, that count as solved
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
-PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
+TANGENT_PASSES = 4  # each reduces the effect of `SOFTENED` by that factor
 
 
 class Answer(NamedTuple):
@@ -149,8 +149,8 @@ def _answer_jvp(primals, tangents):
     step = _tangent(qp, answer, point, limits, tangents[0])
     known = jnp.where(answer.solved, 1.0, jnp.nan)  # a factor: slopes go through it both ways
     step = jax.tree.map(lambda change: change * known, step)
-    still = jax.tree.map(_zero_tangent, answer)
-    return answer, still._replace(trajectory=step)
+    zero = jax.tree.map(_zero_tangent, answer)
+    return answer, zero._replace(trajectory=step)
 
 
 def _zero_tangent(leaf: Array):
@@ -162,34 +162,34 @@ def _zero_tangent(leaf: Array):
 def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) -> Trajectory:
     """Change of the trajectory with the numbers of the problem: linear in it."""
     at, multipliers = answer.trajectory, answer.multipliers
-    behind = costates(qp, summed(slopes(qp, at), pulled(qp, multipliers)))
+    costate = costates(qp, plus(gradient(qp, at), limit_gradient(qp, multipliers)))
 
     def equations(qp: StagedQP):
         model = jnp.concatenate([qp.A, qp.B], axis=1)
-        slope = summed(slopes(qp, at), pulled(qp, multipliers))
-        slope = Trajectory(slope.stages + behind @ model, slope.end)
+        slope = plus(gradient(qp, at), limit_gradient(qp, multipliers))
+        slope = Trajectory(slope.stages + costate @ model, slope.end)
         moved = one_sided_limits(qp)
-        value = jnp.where(limits.there, rows(qp, at), 0.0) - moved.bound
+        value = jnp.where(limits.finite, limit_values(qp, at), 0.0) - moved.bound
         return slope, at.stages @ model.T + qp.c, value, moved.price, qp.x0
 
     _, (slope, added, value, price, start) = jax.jvp(equations, (qp,), (dqp,))
-    weight, share, paid = _softened(point, limits)
-    pulls = weight * value + paid * price
+    weight, share, soft_share = _softened(point, limits)
+    weighted = weight * value + soft_share * price
     H = qp.H + gram(qp, weight)
-    x, end = drifted(qp, start, added)
+    x, end = free_response(qp, start, added)
     free = jnp.concatenate([x, jnp.zeros((x.shape[0], qp.B.shape[1]), x.dtype)], axis=1)
     h, h_end = slope.stages + jnp.einsum("jab,jb->ja", H, free), slope.end + qp.H_end @ end
-    factors = factorised(qp, H, jnp.zeros_like(h), jnp.zeros_like(h_end))
+    factors = backward_sweep(qp, H, jnp.zeros_like(h), jnp.zeros_like(h_end))
 
-    def nearer(_, carried):
-        _, change = carried  # of the multipliers
-        pushed = pulls + share * change
-        step = another_step(qp, factors, h + pulled(qp, pushed).stages, h_end)
-        step = summed(step, Trajectory(free, end))
-        return step, pushed + weight * jnp.where(limits.there, rows(qp, step), 0.0)
+    def refine(_, carry):
+        _, change = carry  # of the multipliers
+        constant = weighted + share * change
+        step = resolved_step(qp, factors, h + limit_gradient(qp, constant).stages, h_end)
+        step = plus(step, Trajectory(free, end))
+        return step, constant + weight * jnp.where(limits.finite, limit_values(qp, step), 0.0)
 
     nothing = Trajectory(jnp.zeros_like(free), jnp.zeros_like(end)), jnp.zeros_like(value)
-    return lax.fori_loop(0, PASSES, nearer, nothing)[0]
+    return lax.fori_loop(0, TANGENT_PASSES, refine, nothing)[0]
 
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
@@ -198,11 +198,11 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Li
     # the residuals are found anew
     n, l = qp.x0.size, point.l  # noqa: E741
     at = rollout(qp, point.at.stages[:, n:])
-    over = jnp.where(limits.there, rows(qp, at) - limits.bound, 0.0)
+    over = jnp.where(limits.finite, limit_values(qp, at) - limits.bound, 0.0)
     beyond, left = jnp.maximum(over, 0.0), jnp.maximum(-over, 0.0)
-    hard = jnp.max(jnp.where(limits.gives, 0.0, beyond / limits.width), initial=0.0)
-    gives = jnp.where(limits.gives, beyond, 0.0)
-    cost, dual, tiny = slopes(qp, at), _slope_left(qp, at, l), jnp.finfo(l.dtype).tiny ** 0.5
+    hard = jnp.max(jnp.where(limits.soft, 0.0, beyond / limits.width), initial=0.0)
+    gives = jnp.where(limits.soft, beyond, 0.0)
+    cost, dual, tiny = gradient(qp, at), _stationarity(qp, at, l), jnp.finfo(l.dtype).tiny ** 0.5
     costs = jnp.sum(jnp.abs(cost.stages * at.stages)) + jnp.sum(jnp.abs(cost.end * at.end))
     costs = jnp.maximum(costs, jnp.maximum(jnp.sum(l * jnp.abs(limits.bound)), tiny))
     gap = jnp.sum(l * left) + jnp.sum((limits.price - l) * gives)
@@ -216,16 +216,16 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Li
 
 def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
     """Last point of the path, and iterations."""
-    count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)
+    count = jnp.maximum(jnp.sum(limits.finite, dtype=qp.x0.dtype), 1)
     first, mu0 = _start(qp, guess, limits, count)
 
     def unfinished(state):
-        point, k, goes_on, largest, _ = state
+        point, k, finite, largest, _ = state
         # the path's mu, and the largest miss of an equation of a limit, over the limit's width
-        missed = jnp.abs(missed_by(point, limits, rows(qp, point.at))) / limits.width
+        missed = jnp.abs(primal_residual(point, limits, limit_values(qp, point.at))) / limits.width
         mu, missed = _total(point) / count, jnp.max(missed, initial=0.0)
-        later = (missed > MISSED) & (mu > CLOSEST * largest)
-        return goes_on & (k < MOST) & ((mu > CLOSE * largest) | later)
+        later = (missed > FEASIBILITY) & (mu > LEAST_GAP * largest)
+        return finite & (k < MOST_ITERATIONS) & ((mu > GAP * largest) | later)
 
     def iterate(state):
         point, k, _, largest, before = state
@@ -233,14 +233,14 @@ def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
         total = _total(following)
         # near the end W is so large that rounding may leave no factors, or bad ones: the point
         # before is kept
-        near = _total(point) < NEAR * count * largest
-        after = _slope_left(qp, following.at, following.l)
-        spoilt = near & (after > jnp.maximum(before, SPOILT))
-        good = jnp.isfinite(total + jnp.sum(following.at.stages)) & ~spoilt
-        kept = jax.tree.map(partial(jnp.where, good), following, point)
+        near = _total(point) < NEAR_END * count * largest
+        after = _stationarity(qp, following.at, following.l)
+        worse = near & (after > jnp.maximum(before, STATIONARITY))
+        accepted = jnp.isfinite(total + jnp.sum(following.at.stages)) & ~worse
+        next_point = jax.tree.map(partial(jnp.where, accepted), following, point)
         # mu grows where a limit gives way at a price that no cost without limits hints at
-        largest = jnp.maximum(largest, jnp.where(good, total / count, 0.0))
-        return kept, k + 1, good, largest, after
+        largest = jnp.maximum(largest, jnp.where(accepted, total / count, 0.0))
+        return next_point, k + 1, accepted, largest, after
 
     begun = first, jnp.asarray(0), jnp.asarray(True), mu0, jnp.full_like(mu0, jnp.inf)
     unlimited = qp.D.shape[0] == 0  # nothing to iterate, and nothing to compile
@@ -252,68 +252,68 @@ def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
     """The guess, with mu from what leads from there to the minimum without limits."""
     # where the minimum without limits is within them it is the answer, and no iteration follows
     at = rollout(qp, guess)
-    slope = slopes(qp, at)
-    free = step_of(qp, factorised(qp, qp.H, *slope))
+    slope = gradient(qp, at)
+    free = forward_sweep(qp, backward_sweep(qp, qp.H, *slope))
     gain = -0.5 * (jnp.sum(slope.stages * free.stages) + slope.end @ free.end)
     tiny = jnp.finfo(gain.dtype).tiny ** 0.5
-    mu = jnp.maximum(FIRST * gain / count, tiny)
-    slack = limits.bound - rows(qp, at)
-    first = first_point(at, slack, mu, limits, ROOM)
+    mu = jnp.maximum(FIRST_MU * gain / count, tiny)
+    slack = limits.bound - limit_values(qp, at)
+    first = first_point(at, slack, mu, limits, FIRST_SLACK)
     without = Trajectory(at.stages + free.stages, at.end + free.end)
-    room = limits.bound - rows(qp, without)
-    within = jnp.all(jnp.where(limits.there, room > 0, True))
-    nothing = jnp.zeros_like(room)
-    answer = Point(without, jnp.where(limits.there, room, 1.0), nothing, nothing, limits.price)
+    slack = limits.bound - limit_values(qp, without)
+    within = jnp.all(jnp.where(limits.finite, slack > 0, True))
+    nothing = jnp.zeros_like(slack)
+    answer = Point(without, jnp.where(limits.finite, slack, 1.0), nothing, nothing, limits.price)
     return jax.tree.map(lambda one, other: jnp.where(within, one, other), answer, first), mu
 
 
 def _iterated(qp: StagedQP, point: Point, limits: Limits, count, largest) -> Point:
     """Predictor, corrector, and the step that both share the matrix of."""
     at = point.at
-    slope, here = slopes(qp, at), newton(point, limits, rows(qp, at))
+    slope, here = gradient(qp, at), newton(point, limits, limit_values(qp, at))
     mu = _total(point) / count
 
-    def right(pushed):
-        return summed(slope, pulled(qp, point.l + here.weight * pushed))
+    def right(constant):
+        return plus(slope, limit_gradient(qp, point.l + here.weight * constant))
 
-    def steps(step: Trajectory, pushed, aims):
-        moved = jnp.where(limits.there, rows(qp, step), 0.0) + pushed
-        return changes(here, point, limits, moved, *aims)
+    def steps(step: Trajectory, constant, targets):
+        moved = jnp.where(limits.finite, limit_values(qp, step), 0.0) + constant
+        return direction(here, point, limits, moved, *targets)
 
-    aims = products(point, limits)
-    pushed = pushes(here, point, limits, *aims)
-    factors = factorised(qp, qp.H + gram(qp, here.weight), *right(pushed))
-    first = steps(step_of(qp, factors), pushed, aims)
-    far = _longest(point, first, limits)
-    ahead = _total(moved_on(point, at, first, far))
-    target = jnp.clip(ahead / (count * mu), 0.0, 1.0) ** 3 * mu
-    target = jnp.maximum(target, AIM * largest)
-    share = jnp.where(far > FAR, 1.0, far)  # where little of the step was possible
-    aims = corrected(point, limits, first, share, target)
-    pushed = pushes(here, point, limits, *aims)
-    step = another_step(qp, factors, *right(pushed))
-    second = steps(step, pushed, aims)
-    far = _longest(point, second, limits)
-    far = jnp.where(far < 1, INWARD * far, 1.0)
-    moved = Trajectory(at.stages + far * step.stages, at.end + far * step.end)
-    return moved_on(point, moved, second, far)
+    targets = predictor_products(point, limits)
+    constant = constant_term(here, point, limits, *targets)
+    factors = backward_sweep(qp, qp.H + gram(qp, here.weight), *right(constant))
+    first = steps(forward_sweep(qp, factors), constant, targets)
+    alpha = _largest_step(point, first, limits)
+    predicted = _total(advanced(point, at, first, alpha))
+    target = jnp.clip(predicted / (count * mu), 0.0, 1.0) ** 3 * mu
+    target = jnp.maximum(target, LEAST_TARGET * largest)
+    share = jnp.where(alpha > LONG_STEP, 1.0, alpha)  # where little of the step was possible
+    targets = corrector_products(point, limits, first, share, target)
+    constant = constant_term(here, point, limits, *targets)
+    step = resolved_step(qp, factors, *right(constant))
+    second = steps(step, constant, targets)
+    alpha = _largest_step(point, second, limits)
+    alpha = jnp.where(alpha < 1, TO_BOUNDARY * alpha, 1.0)
+    moved = Trajectory(at.stages + alpha * step.stages, at.end + alpha * step.end)
+    return advanced(point, moved, second, alpha)
 
 
-def _longest(point: Point, steps: Changes, limits: Limits):
+def _largest_step(point: Point, steps: Direction, limits: Limits):
     """Part of a step, at most all, after which every slack and multiplier is still positive."""
-    return jnp.min(possible(point, steps, limits), initial=1.0)
+    return jnp.min(step_length(point, steps, limits), initial=1.0)
 
 
 def _total(point: Point):
     return jnp.sum(gap(point))
 
 
-def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
+def _stationarity(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
     """Largest slope of the Lagrangian with a control, over the largest term in it."""
     n = qp.x0.size
-    cost, limited = slopes(qp, at), pulled(qp, multipliers)
-    behind = costates(qp, summed(cost, limited))
-    terms = cost.stages[:, n:], limited.stages[:, n:], behind @ qp.B
+    cost, limited = gradient(qp, at), limit_gradient(qp, multipliers)
+    costate = costates(qp, plus(cost, limited))
+    terms = cost.stages[:, n:], limited.stages[:, n:], costate @ qp.B
     apart = qp.h[:, n:], costates(qp, Trajectory(qp.h, qp.h_end)) @ qp.B
     scale = _largest(terms), _rounding(multipliers.dtype) * _largest(apart)
     tiny = jnp.finfo(multipliers.dtype).tiny ** 0.5
@@ -335,7 +335,7 @@ def _softened(point: Point, limits: Limits):
     """W with larger slacks, the share of these that was added, and W t / g."""
     more = SOFTENED * limits.width
     slack = softened_slack(point, limits) + more
-    there = limits.there
+    there = limits.finite
     way = point.t * point.l
-    paid = way / (point.g * (point.s + more) + way)  # W t / g, also where rounding leaves no g
-    return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0), paid
+    ratio = way / (point.g * (point.s + more) + way)  # W t / g, also where rounding leaves no g
+    return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0), ratio

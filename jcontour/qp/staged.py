@@ -12,7 +12,7 @@ a slack s and a multiplier l, and t, g where it gives way at a price r,
     s + g' v - t = b,    l + g = r,    s l = c1,    t g = c2
 a step along which g' v changes by d changes the multiplier by
 
-    dl = W (d + pushed),    W = 1 / (s / l + t / g)
+    dl = W (d + constant),    W = 1 / (s / l + t / g)
 and the others so that each equation holds. All these are arrays of one shape.
 """
 
@@ -64,11 +64,11 @@ class Factors(NamedTuple):
 
 def rollout(qp: StagedQP, controls: Float[Array, "N p"]) -> Trajectory:
     """States that the controls lead to."""
-    x, end = _led(qp, qp.x0, controls, qp.c)
+    x, end = _simulated(qp, qp.x0, controls, qp.c)
     return Trajectory(jnp.concatenate([x, controls], axis=1), end)
 
 
-def factorised(
+def backward_sweep(
     qp: StagedQP, H: Float[Array, "N v v"], h: Float[Array, "N v"], h_end: Float[Array, " n"]
 ) -> Factors:
     """Backward sweep of the steps dv from a trajectory that minimise 1/2 dv' H dv + h' dv.
@@ -91,8 +91,8 @@ def factorised(
     return lax.scan(back, (qp.H_end, h_end), (H, h), reverse=True)[1]
 
 
-def step_of(qp: StagedQP, factors: Factors) -> Trajectory:
-    """The step that a sweep has prepared."""
+def forward_sweep(qp: StagedQP, factors: Factors) -> Trajectory:
+    """Forward sweep of the step, by the feedback law of a backward sweep."""
     p = qp.B.shape[1]
 
     def on(x, stage):
@@ -103,7 +103,7 @@ def step_of(qp: StagedQP, factors: Factors) -> Trajectory:
     return Trajectory(jnp.concatenate([x, u.reshape(-1, p)], axis=1), end)
 
 
-def another_step(
+def resolved_step(
     qp: StagedQP, factors: Factors, h: Float[Array, "N v"], h_end: Float[Array, " n"]
 ) -> Trajectory:
     """The step for another h, from the factors of the same H; linear in h."""
@@ -117,18 +117,18 @@ def another_step(
         return t[:n] - Y.T @ y, y
 
     y = lax.scan(back, h_end, (h, factors.Y, factors.R), reverse=True)[1]
-    return step_of(qp, factors._replace(y=y))
+    return forward_sweep(qp, factors._replace(y=y))
 
 
-def slopes(qp: StagedQP, at: Trajectory) -> Trajectory:
-    """Slope of the cost with every v_j, and with x_N."""
+def gradient(qp: StagedQP, at: Trajectory) -> Trajectory:
+    """Gradient of the cost in every v_j, and in x_N."""
     return Trajectory(
         jnp.einsum("jab,jb->ja", qp.H, at.stages) + qp.h, qp.H_end @ at.end + qp.h_end
     )
 
 
-def summed(one: Trajectory, other: Trajectory) -> Trajectory:
-    """Both trajectories, or slopes, added."""
+def plus(one: Trajectory, other: Trajectory) -> Trajectory:
+    """Sum of two trajectories, or gradients."""
     return Trajectory(one.stages + other.stages, one.end + other.end)
 
 
@@ -147,14 +147,14 @@ def costates(qp: StagedQP, slope: Trajectory) -> Float[Array, "N n"]:
     return lax.scan(back, slope.end, slope.stages, reverse=True)[1]
 
 
-def drifted(
+def free_response(
     qp: StagedQP, start: Float[Array, " n"], added: Float[Array, "N n"]
 ) -> tuple[Float[Array, "N n"], Float[Array, " n"]]:
     """States without controls from another start, with other numbers added."""
-    return _led(qp, start, jnp.zeros((added.shape[0], qp.B.shape[1]), added.dtype), added)
+    return _simulated(qp, start, jnp.zeros((added.shape[0], qp.B.shape[1]), added.dtype), added)
 
 
-def _led(qp: StagedQP, start, controls, added):
+def _simulated(qp: StagedQP, start, controls, added):
     def on(x, stage):
         u, c = stage
         return qp.A @ x + qp.B @ u + c, x
@@ -215,15 +215,15 @@ class Limits(NamedTuple):
 
     Attributes:
         bound: b; zero where there is none.
-        there: whether there is one.
-        gives: whether it gives way.
+        finite: whether there is one.
+        soft: whether it gives way, at a price.
         price: of a unit beyond it; 1 where it does not.
         width: half of what lies between two limits, or the size of a single one.
     """
 
     bound: Numbers
-    there: Numbers
-    gives: Numbers
+    finite: Numbers
+    soft: Numbers
     price: Numbers
     width: Numbers
 
@@ -238,8 +238,8 @@ class Point(NamedTuple):
     g: Numbers
 
 
-class Changes(NamedTuple):
-    """Changes of slacks and multipliers with a step."""
+class Direction(NamedTuple):
+    """Search direction of slacks and multipliers."""
 
     s: Numbers
     l: Numbers  # noqa: E741
@@ -250,8 +250,8 @@ class Changes(NamedTuple):
 class Newton(NamedTuple):
     """Newton's equations of limits at a point."""
 
-    missed: Numbers  # by how much s + g' v - t = b is
-    price_missed: Numbers  # by how much l + g = r is
+    primal_residual: Numbers  # of s + g' v - t = b
+    price_residual: Numbers  # of l + g = r
     weight: Numbers  # W
     # over_l, over_g: inverses of l and g; zero where there is no limit, and none that gives way
     over_l: Numbers
@@ -280,14 +280,14 @@ def one_sided_limits(qp: StagedQP) -> Limits:
     return jax.tree.map(lambda *both: jnp.stack(both), *pair)
 
 
-def rows(qp: StagedQP, at: Trajectory):
+def limit_values(qp: StagedQP, at: Trajectory):
     """Values g' v of the one-sided limits."""
     value = at.stages @ qp.D.T
     return jnp.stack([value, -value])
 
 
-def pulled(qp: StagedQP, multipliers) -> Trajectory:
-    """Slope G' l of the limits; none reaches the last state."""
+def limit_gradient(qp: StagedQP, multipliers) -> Trajectory:
+    """Gradient G' l of the limits; none reaches the last state."""
     stages = (multipliers[0] - multipliers[1]) @ qp.D
     return Trajectory(stages, jnp.zeros_like(qp.x0))
 
@@ -299,7 +299,7 @@ def gram(qp: StagedQP, weight):
     return (jnp.sum(weight, axis=0) @ squares).reshape(-1, v, v)
 
 
-def first_point(at, slack: Numbers, mu: Numbers, limits: Limits, room: float) -> Point:
+def first_point(at, slack: Numbers, mu: Numbers, limits: Limits, least: float) -> Point:
     """Slacks and multipliers to begin with: all products are mu.
 
     Args:
@@ -307,76 +307,76 @@ def first_point(at, slack: Numbers, mu: Numbers, limits: Limits, room: float) ->
         slack: b - g' v of the limits there.
         mu: first value of the path's parameter.
         limits: the limits.
-        room: of a limit's width that a slack begins with, at least.
+        least: of a limit's width that a slack begins with, at least.
     """
-    s = jnp.where(limits.there, jnp.maximum(slack, room * limits.width), 1.0)
-    l = jnp.where(limits.there, mu / s, 0.0)  # noqa: E741
-    l = jnp.where(limits.gives, jnp.minimum(l, 0.5 * limits.price), l)  # noqa: E741
-    g = jnp.where(limits.gives, limits.price - l, 1.0)
-    return Point(at, s, l, jnp.where(limits.gives, mu / g, 0.0), g)
+    s = jnp.where(limits.finite, jnp.maximum(slack, least * limits.width), 1.0)
+    l = jnp.where(limits.finite, mu / s, 0.0)  # noqa: E741
+    l = jnp.where(limits.soft, jnp.minimum(l, 0.5 * limits.price), l)  # noqa: E741
+    g = jnp.where(limits.soft, limits.price - l, 1.0)
+    return Point(at, s, l, jnp.where(limits.soft, mu / g, 0.0), g)
 
 
 def newton(point: Point, limits: Limits, rows: Numbers) -> Newton:
     """Newton's equations of limits where g' v is `rows`."""
     _, s, l, t, g = point  # noqa: E741
     return Newton(
-        missed_by(point, limits, rows),
-        jnp.where(limits.gives, l + g - limits.price, 0.0),
-        jnp.where(limits.there, l / softened_slack(point, limits), 0.0),
-        jnp.where(limits.there, 1 / l, 0.0),
-        jnp.where(limits.gives, 1 / g, 0.0),
+        primal_residual(point, limits, rows),
+        jnp.where(limits.soft, l + g - limits.price, 0.0),
+        jnp.where(limits.finite, l / softened_slack(point, limits), 0.0),
+        jnp.where(limits.finite, 1 / l, 0.0),
+        jnp.where(limits.soft, 1 / g, 0.0),
     )
 
 
-def missed_by(point: Point, limits: Limits, rows: Numbers) -> Numbers:
-    """By how much s + g' v - t = b is missed."""
-    return jnp.where(limits.there, point.s + rows - point.t - limits.bound, 0.0)
+def primal_residual(point: Point, limits: Limits, rows: Numbers) -> Numbers:
+    """Residual of s + g' v - t = b."""
+    return jnp.where(limits.finite, point.s + rows - point.t - limits.bound, 0.0)
 
 
 def softened_slack(point: Point, limits: Limits) -> Numbers:
     """Slack over multiplier, times the multiplier: s + l t / g."""
-    way = jnp.where(limits.gives, point.t / point.g, 0.0)
+    way = jnp.where(limits.soft, point.t / point.g, 0.0)
     return point.s + way * point.l
 
 
-def products(point: Point, limits: Limits) -> tuple[Numbers, Numbers]:
+def predictor_products(point: Point, limits: Limits) -> tuple[Numbers, Numbers]:
     """Products s l and t g: c1 and c2 of a predictor, whose aim is zero."""
-    return point.s * point.l, point.t * jnp.where(limits.gives, point.g, 0.0)
+    return point.s * point.l, point.t * jnp.where(limits.soft, point.g, 0.0)
 
 
-def corrected(
-    point: Point, limits: Limits, steps: Changes, share, target
+def corrector_products(
+    point: Point, limits: Limits, steps: Direction, share, target
 ) -> tuple[Numbers, Numbers]:
     """Products c1 and c2 of a corrector: with those of the predictor's steps, less the aim."""
-    c1, c2 = products(point, limits)
-    c1 = jnp.where(limits.there, c1 + share * steps.s * steps.l - target, 0.0)
-    return c1, jnp.where(limits.gives, c2 + share * steps.t * steps.g - target, 0.0)
+    c1, c2 = predictor_products(point, limits)
+    c1 = jnp.where(limits.finite, c1 + share * steps.s * steps.l - target, 0.0)
+    return c1, jnp.where(limits.soft, c2 + share * steps.t * steps.g - target, 0.0)
 
 
-def pushes(here: Newton, point: Point, limits: Limits, c1: Numbers, c2: Numbers) -> Numbers:
-    """Change of g' v that would change the multipliers as a step does where nothing moves."""
-    way = (c2 - point.t * here.price_missed) * here.over_g
-    return jnp.where(limits.there, here.missed - c1 * here.over_l + way, 0.0)
+def constant_term(here: Newton, point: Point, limits: Limits, c1: Numbers, c2: Numbers) -> Numbers:
+    """Constant term of dl = W (d + constant), from the residuals and the products."""
+    way = (c2 - point.t * here.price_residual) * here.over_g
+    return jnp.where(limits.finite, here.primal_residual - c1 * here.over_l + way, 0.0)
 
 
-def changes(
+def direction(
     here: Newton, point: Point, limits: Limits, moved: Numbers, c1: Numbers, c2: Numbers
-) -> Changes:
-    """Changes with a step, `moved` is its change of g' v and what was pushed."""
+) -> Direction:
+    """Changes with a step, `moved` is its change of g' v and the constant term."""
     dl = here.weight * moved
     ds = -(c1 + point.s * dl) * here.over_l
-    dg = jnp.where(limits.gives, -here.price_missed - dl, 0.0)
-    return Changes(ds, dl, -(c2 + point.t * dg) * here.over_g, dg)
+    dg = jnp.where(limits.soft, -here.price_residual - dl, 0.0)
+    return Direction(ds, dl, -(c2 + point.t * dg) * here.over_g, dg)
 
 
-def possible(point: Point, steps: Changes, limits: Limits) -> Numbers:
-    """Part of a step, at most all, after which each slack and multiplier is still positive."""
+def step_length(point: Point, steps: Direction, limits: Limits) -> Numbers:
+    """Largest step length up to 1 that keeps each slack and multiplier positive."""
     longest: Any = 1.0
     for value, change, counts in (
-        (point.s, steps.s, limits.there),
-        (point.l, steps.l, limits.there),
-        (point.t, steps.t, limits.gives),
-        (point.g, steps.g, limits.gives),
+        (point.s, steps.s, limits.finite),
+        (point.l, steps.l, limits.finite),
+        (point.t, steps.t, limits.soft),
+        (point.g, steps.g, limits.soft),
     ):
         falls = counts & (change < 0)
         part = jnp.where(falls, -value / jnp.where(falls, change, 1.0), 1.0)
@@ -384,7 +384,7 @@ def possible(point: Point, steps: Changes, limits: Limits) -> Numbers:
     return longest
 
 
-def moved_on(point: Point, at, steps: Changes, far) -> Point:
+def advanced(point: Point, at, steps: Direction, far) -> Point:
     """Point after a part of a step; `at` is its trajectory."""
     s, l, t, g = (now + far * step for now, step in zip(point[1:], steps, strict=True))  # noqa: E741
     return Point(at, s, l, t, g)

@@ -8,16 +8,16 @@ import pytest
 from jcontour.qp import staged
 from jcontour.qp.staged import Trajectory
 
-another_step, costates, drifted, factorised, rollout, slopes, step_of = map(
+resolved_step, costates, free_response, backward_sweep, rollout, gradient, forward_sweep = map(
     jax.jit,
     (
-        staged.another_step,
+        staged.resolved_step,
         staged.costates,
-        staged.drifted,
-        staged.factorised,
+        staged.free_response,
+        staged.backward_sweep,
         staged.rollout,
-        staged.slopes,
-        staged.step_of,
+        staged.gradient,
+        staged.forward_sweep,
     ),
 )
 
@@ -50,7 +50,7 @@ def test_the_states_are_those_of_a_loop(qp, controls):
     at = rollout(qp, controls)
     close(at.stages, np.concatenate([states, controls], axis=1))
     close(at.end, x)
-    without, end = drifted(qp, qp.x0, qp.c + controls @ qp.B.T)
+    without, end = free_response(qp, qp.x0, qp.c + controls @ qp.B.T)
     close(without, np.array(states))
     close(end, x)
 
@@ -59,17 +59,17 @@ def test_a_step_is_the_dense_minimum_and_another_slope_needs_no_other_factors(qp
     dense, F, G = condensed(qp)
     z = -np.linalg.solve(dense.H, dense.g)
     start = rollout(qp, np.zeros((5, 2)))
-    actual = factorised(qp, qp.H, *slopes(qp, start))
-    step = step_of(qp, actual)
+    actual = backward_sweep(qp, qp.H, *gradient(qp, start))
+    step = forward_sweep(qp, actual)
     close(start.stages + step.stages, F + G @ z)
-    again = another_step(qp, actual, *(2 * np.asarray(slope) for slope in slopes(qp, start)))
+    again = resolved_step(qp, actual, *(2 * np.asarray(slope) for slope in gradient(qp, start)))
     close(again.stages, 2 * np.asarray(step.stages))
     close(again.end, 2 * np.asarray(step.end))
 
 
 def test_slopes_are_those_of_the_cost(qp, controls):
     at = rollout(qp, controls)
-    for actual, wanted in zip(slopes(qp, at), jax.jit(jax.grad(cost, 1))(qp, at), strict=True):
+    for actual, wanted in zip(gradient(qp, at), jax.jit(jax.grad(cost, 1))(qp, at), strict=True):
         close(actual, wanted)
 
 
@@ -79,13 +79,13 @@ def test_costates_are_the_slopes_of_the_cost_with_what_is_added_to_a_state(qp, c
     def moved(c):
         return cost(qp, rollout(qp._replace(c=c), controls))
 
-    close(costates(qp, slopes(qp, rollout(qp, controls))), jax.jit(jax.grad(moved))(qp.c))
+    close(costates(qp, gradient(qp, rollout(qp, controls))), jax.jit(jax.grad(moved))(qp.c))
 
 
 def test_no_curvature_is_not_hidden(qp):
     """A cost that falls without end has no factors: NaN, not a number."""
     falling = qp._replace(H=-qp.H, H_end=-qp.H_end)
-    assert np.isnan(factorised(falling, falling.H, falling.h, falling.h_end).R).any()
+    assert np.isnan(backward_sweep(falling, falling.H, falling.h, falling.h_end).R).any()
 
 
 def case(seed=0, count=12):
@@ -107,28 +107,28 @@ def start(upper, lower, penalty, rows):
 def whole_step(limits, point, rows, moved, aim):
     """Changes, the point behind them, and by how much it misses its limits."""
     here = staged.newton(point, limits, rows)
-    c1, c2 = (product - aim for product in staged.products(point, limits))
-    pushed = staged.pushes(here, point, limits, c1, c2)
-    steps = staged.changes(here, point, limits, moved + pushed, c1, c2)
-    after = staged.moved_on(point, (), steps, 1.0)
-    return steps, after, staged.missed_by(after, limits, rows + moved)
+    c1, c2 = (product - aim for product in staged.predictor_products(point, limits))
+    pushed = staged.constant_term(here, point, limits, c1, c2)
+    steps = staged.direction(here, point, limits, moved + pushed, c1, c2)
+    after = staged.advanced(point, (), steps, 1.0)
+    return steps, after, staged.primal_residual(after, limits, rows + moved)
 
 
 @jax.jit
 def possible_step(limits, point, rows, moved):
     """The possible part of a step, the point behind it, and one that is beyond it."""
     here = staged.newton(point, limits, rows)
-    aims = staged.products(point, limits)
-    steps = staged.changes(here, point, limits, moved, *aims)
-    far = staged.possible(point, steps, limits)
-    return far, *(staged.moved_on(point, (), steps, much * far) for much in (1.0, 1.01))
+    aims = staged.predictor_products(point, limits)
+    steps = staged.direction(here, point, limits, moved, *aims)
+    far = staged.step_length(point, steps, limits)
+    return far, *(staged.advanced(point, (), steps, much * far) for much in (1.0, 1.01))
 
 
 @pytest.mark.parametrize("aim", [0.0, 0.2])
 def test_a_step_puts_the_four_equations_right(aim):
     limits, point, rows, moved = case()
     steps, after, left = jax.device_get(whole_step(limits, point, rows, moved, aim))
-    there, gives = limits.there, limits.gives
+    there, gives = limits.finite, limits.soft
     assert there.sum() == 11 and gives.sum() == 6
     np.testing.assert_allclose(left, 0.0, atol=1e-13)
     np.testing.assert_allclose((after.l + after.g)[gives], limits.price[gives], rtol=1e-13)
@@ -140,10 +140,10 @@ def test_a_step_puts_the_four_equations_right(aim):
 
 def test_the_first_products_are_mu_where_the_price_allows_it():
     limits, point, _, _ = case()
-    held = limits.there & ~limits.gives
+    held = limits.finite & ~limits.soft
     np.testing.assert_allclose((point.s * point.l)[held], 0.3, rtol=1e-13)
-    np.testing.assert_allclose((point.t * point.g)[limits.gives], 0.3, rtol=1e-13)
-    assert float(point.l[3]) == 0.0 and (point.l < limits.price)[limits.gives].all()
+    np.testing.assert_allclose((point.t * point.g)[limits.soft], 0.3, rtol=1e-13)
+    assert float(point.l[3]) == 0.0 and (point.l < limits.price)[limits.soft].all()
 
 
 def test_the_possible_part_of_a_step_ends_at_the_nearest_zero():
@@ -161,5 +161,5 @@ def test_widths():
     upper, lower = np.array([3.0, np.inf, 2.0, 0.0]), np.array([-1.0, -4.0, 2.0, -np.inf])
     above, below = jax.jit(staged.sides)(upper, lower, np.full(4, np.inf))
     np.testing.assert_array_equal(above.width, [2.0, 4.0, 2.0, 1.0])
-    np.testing.assert_array_equal(below.there, [True, True, True, False])
+    np.testing.assert_array_equal(below.finite, [True, True, True, False])
     np.testing.assert_array_equal(below.bound, [1.0, 4.0, -2.0, 0.0])
