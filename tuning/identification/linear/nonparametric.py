@@ -34,7 +34,9 @@ from tuning.identification.linear.validation import (
 
 SHORTEST = 0.25  # [s] of a period
 SMOOTH = 5e-3  # [s] over which a command is looked at for periods
+FINE = 1e-3  # [s] of these differences: over less there is mostly noise
 LEVEL = 0.5  # [s] over which its size is taken
+STILL = 1e-6  # of its largest size: what running sums leave of a command that does not bend
 ALIKE = 0.25  # least correlation of a record with itself a period later
 SAME = 0.9  # of the largest local correlation, within a section
 MARGIN = 0.2  # of a period that is left out at either end of a section
@@ -180,10 +182,12 @@ def _period(record: AxisRecord) -> int | None:
 
 def _shape(record: AxisRecord) -> Float[np.ndarray, " T"]:
     """Second difference of the command, smoothed, over its size around."""
-    bent = np.diff(record.command, 2)
+    step = max(round(FINE / record.dt), 1)
+    fine = uniform_filter1d(record.command, step)
+    bent = fine[2 * step :] - 2 * fine[step:-step] + fine[: -2 * step]
     bent = uniform_filter1d(bent, max(round(SMOOTH / record.dt), 1))
     size = np.sqrt(np.maximum(uniform_filter1d(bent**2, round(LEVEL / record.dt)), 0.0))
-    return bent / np.maximum(size, 1e-12 * size.max() + 1e-300)
+    return bent / np.maximum(size, STILL * size.max() + 1e-300)
 
 
 def _sections(record: AxisRecord, rows: int) -> Iterator[tuple[int, int]]:

@@ -7,6 +7,7 @@ by Gustavsen and Semlyen's iteration (IEEE Trans. Power Delivery 14, 1999): sigm
 the same poles, the zeros of sigma are the next ones.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -64,7 +65,10 @@ def fitted_to(
     allowed = ALIKE * lefts[best][1]  # a later one has no first coefficient that is next to nothing
     while lefts.get((i, poles, delay + 1), (None, np.inf))[1] < allowed:
         delay += 1
-    return lefts[i, poles, delay][0]
+    model, left = lefts[i, poles, delay]
+    calm = _mirrored(model)
+    more = _left(calm, lines, w, weight) - left
+    return calm if more < (ALIKE - 1) * max(left, 1.0) else model
 
 
 def joined(slow: Response, lines: Response) -> Response:
@@ -77,6 +81,23 @@ def _narrowest(model: AxisModel) -> float:
     """Half the width of the sharpest peak [rad per sample]; infinite without one."""
     pairs = model.poles[np.imag(model.poles) > 0]
     return float(np.min(-np.log(np.abs(pairs)), initial=np.inf))
+
+
+def _mirrored(model: AxisModel) -> AxisModel:
+    """The same with pairs of zeros inside the unit circle, and of the same size everywhere.
+
+    Lines at an antiresonance show where it is, and hardly the sign of its damping.
+    """
+    zeros = np.roots(model.numerator).astype(complex)
+    outside = (np.abs(zeros) > 1) & (np.imag(zeros) != 0)
+    inside = np.where(outside, 1 / np.conj(zeros), zeros)
+    scale = model.numerator[0] * np.prod(np.abs(zeros[outside]))
+    return replace(model, numerator=scale * np.real(np.poly(inside)))
+
+
+def _left(model: AxisModel, lines: Response, w, weight) -> float:
+    """Mean square of what a model leaves of the lines."""
+    return float(np.mean(np.abs((model.response(w / model.dt) - lines.value) * weight) ** 2))
 
 
 def _cancels(model: AxisModel) -> bool:
@@ -101,10 +122,8 @@ def _fitted(
         found = _solved(columns, G * weight)
         poles = _inside(_zeros(poles, found[own.shape[1] :]))
     own = np.column_stack([_basis(z, poles), *_rest(z, integrators)])
-    found = _solved(own * weight[:, None], G * weight)
-    left = np.mean(np.abs((own @ found - G) * weight) ** 2)
-    model = _model(poles, found, integrators, delay, dt)
-    return model, float(left)
+    model = _model(poles, _solved(own * weight[:, None], G * weight), integrators, delay, dt)
+    return model, _left(model, lines, w, weight)
 
 
 def _first(w: Float[np.ndarray, " F"], n: int) -> Complex[np.ndarray, " n"]:

@@ -85,6 +85,32 @@ def test_a_model_has_the_resonance_and_the_delay_of_a_part_of_a_sample(record):
     assert np.all(np.diff(told.half_width[above]) > 0)
 
 
+@pytest.mark.parametrize(("radius", "kept"), [(1.0003, 1 / 1.0003), (1.03, 1.03)])
+def test_zeros_lie_inside_the_unit_circle_unless_the_lines_show_that_they_do_not(radius, kept):
+    """Of an antiresonance at 40 Hz they hardly show the sign of its damping."""
+    turn = 2 * np.pi * 40.0 * DT
+    above = np.convolve([1.0], [1.0, -2 * radius * np.cos(turn), radius**2]) * 1e-3
+    below = [-2 * 0.99 * np.cos(1.4 * turn), 0.99**2]
+    axis = AxisModel(np.array(below), above, 1, 2, DT)
+    hertz = np.arange(1.0, 120.0, 1.2)
+    lines = Response(hertz, axis.response(2 * np.pi * hertz), np.full(hertz.size, HALF))
+    zeros = np.roots(fitted_to(lines, DT, 3, 4, (1,)).numerator)
+    pair = zeros[np.argmin(np.abs(np.angle(zeros) - turn))]
+    assert np.abs(pair) == pytest.approx(kept, abs=1e-4)
+    assert np.angle(pair) == pytest.approx(turn, rel=1e-3)
+
+
+def test_noise_of_a_command_that_is_sampled_fast_hides_no_period(record):
+    """Of a cascade on counts: over a shorter sample it differs by its noise alone."""
+    coarse = np.arange(len(record.command))
+    fine = np.arange(4 * len(record.command) - 3) / 4
+    command, position = (np.interp(fine, coarse, one) for one in (record.command, record.position))
+    command += np.std(np.diff(record.command)) * np.random.default_rng(2).normal(size=len(fine))
+    lines = periodic_lines(AxisRecord(DT / 4, command, position))
+    assert len(lines.frequency) > 50
+    np.testing.assert_allclose(lines.frequency, np.round(lines.frequency), rtol=1e-3)
+
+
 def test_averaged_lines_hold_the_truth_and_keep_a_mode_that_the_model_lacks():
     random, hertz = np.random.default_rng(3), np.arange(2.0, 110.0)
     errors = random.standard_normal((2, hertz.size)) * HALF / 2 / np.sqrt(2)
