@@ -61,7 +61,15 @@ def _text(path: Path, content: bytes) -> Table:
     except UnicodeDecodeError:
         encoding = "cp1252"
     head = content[:HEAD_BYTES].decode(encoding, errors="replace").splitlines()
-    first, separator = _first_numbers(path, head)
+    filled, numeric = [k for k, words in enumerate(head) if words.strip()], list[bool]()
+    for k in filled:  # whether half of the filled cells of a line are numbers
+        cells = [cell for cell in _cells(head[k], _separator(head[k])) if cell]
+        count = sum(_is_number(cell.replace(",", ".")) for cell in cells)
+        numeric.append(0 < len(cells) <= 2 * count)
+    below = [k for j, k in enumerate(filled) if all(numeric[j : j + SURE_ROWS])]
+    if not below:
+        raise ValueError(f"{path}: holds no rows of numbers")
+    first, separator = below[0], _separator(head[below[0]])
     try:
         frame = pd.read_csv(
             BytesIO(content),
@@ -86,16 +94,6 @@ def _text(path: Path, content: bytes) -> Table:
     return {name: one for name, one in numbers.items() if np.isfinite(one).any()}
 
 
-def _first_numbers(path: Path, lines: list[str]) -> tuple[int, str]:
-    """Lines above the numbers, and what stands between the numbers."""
-    filled = [k for k, words in enumerate(lines) if words.strip()]
-    numeric = [_numeric(lines[k]) for k in filled]
-    for j, k in enumerate(filled):
-        if all(numeric[j : j + SURE_ROWS]):
-            return k, _separator(lines[k])
-    raise ValueError(f"{path}: holds no rows of numbers")
-
-
 def _separator(words: str) -> str:
     """What stands between the cells of a line; in 0,1 0,2 it is the space."""
     for one in SEPARATORS:
@@ -114,12 +112,6 @@ def _cells(words: str, separator: str) -> list[str]:
     while cells and not cells[-1].strip():
         cells.pop()
     return [cell.strip().strip('"') for cell in cells]
-
-
-def _numeric(words: str) -> bool:
-    """Whether half of the filled cells of a line are numbers."""
-    cells = [cell for cell in _cells(words, _separator(words)) if cell]
-    return 0 < len(cells) <= 2 * sum(_is_number(cell.replace(",", ".")) for cell in cells)
 
 
 def _is_number(word: str) -> bool:

@@ -55,7 +55,18 @@ def steady_response(model: LinearPlant, axis: int) -> Steady:
     slowest = float(-1 / np.log(dying.max())) if dying.size else 0.0
     if np.any(np.abs(poles[~near]) > 1 + AT_ONE) or near.sum() > 2:
         return Steady("nothing", float("nan"), slowest)
-    position, speed, acceleration = _terms(A, b, c)
+    balanced, scale = matrix_balance(A)
+    b, c = np.linalg.solve(scale, b), c @ scale
+    decomposition: Any = schur(
+        balanced.astype(complex), "complex", sort=lambda pole: abs(pole - 1) < AT_ONE
+    )
+    T, Q, m = decomposition
+    b, c = Q.conj().T @ b, c @ Q
+    X = solve_sylvester(T[:m, :m], -T[m:, m:], -T[:m, m:]) if 0 < m < len(A) else T[:m, m:]
+    at_one, rest = b[:m] - X @ b[m:], c[:m] @ X + c[m:]
+    N = T[:m, :m] - np.eye(m)
+    position = float((rest @ np.linalg.solve(np.eye(len(A) - m) - T[m:, m:], b[m:])).real)
+    speed, acceleration = float((c[:m] @ at_one).real), float((c[:m] @ N @ at_one).real)
     horizon = 10 * max(slowest, len(A))  # samples, by when the position is in steady motion
     ways = np.abs([position, horizon * speed, horizon**2 * acceleration])
     dt = model.dt
@@ -72,22 +83,6 @@ def _reached(linked: np.ndarray, first: np.ndarray) -> np.ndarray:
     for _ in first:
         states = states | linked @ states
     return states
-
-
-def _terms(A: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, float]:
-    """R(1), c b and c N b of `steady_response`."""
-    A, scale = matrix_balance(A)
-    b, c = np.linalg.solve(scale, b), c @ scale
-    decomposition: Any = schur(
-        A.astype(complex), "complex", sort=lambda pole: abs(pole - 1) < AT_ONE
-    )
-    T, Q, m = decomposition
-    b, c = Q.conj().T @ b, c @ Q
-    X = solve_sylvester(T[:m, :m], -T[m:, m:], -T[:m, m:]) if 0 < m < len(A) else T[:m, m:]
-    at_one, rest = b[:m] - X @ b[m:], c[:m] @ X + c[m:]
-    N = T[:m, :m] - np.eye(m)
-    position = rest @ np.linalg.solve(np.eye(len(A) - m) - T[m:, m:], b[m:])
-    return float(position.real), float((c[:m] @ at_one).real), float((c[:m] @ N @ at_one).real)
 
 
 def axis_behaviours(machine: Machine) -> list[AxisSummary]:

@@ -36,9 +36,9 @@ def save_rollouts(
     # Bytes of the signals of all runs
     signals = [(run.output, run.control, run.contour_error) for run in replays.values()]
     size = FLOAT * sum(signal.size for run in signals for signal in run)
-    every = samples_kept(keep, size)
-    if every is None:
+    if keep == "none":
         return f"Rollouts: not kept ({_megabytes(size)} of signals)"
+    every = 1 if keep == "full" else max(1 if keep == "auto" else 2, math.ceil(size / LARGE))
     variables = rollouts(replays, scenarios, machine, every)
     path = save_variables(variables, {"title": title, **versions()}, folder / ROLLOUTS)
     written = f"Rollouts: {ROLLOUTS}, {_megabytes(path.stat().st_size)}"
@@ -46,16 +46,6 @@ def save_rollouts(
         return f"{written}, every sample"
     whole = f"all would be about {_megabytes(size)}: --rollouts full"
     return f"{written}, one sample of {every} ({whole})"
-
-
-def samples_kept(keep: Rollouts, size: int) -> int | None:
-    """One sample of how many is kept, of signals of `size` bytes; None where none is."""
-    if keep == "none":
-        return None
-    if keep == "full":
-        return 1
-    least = 1 if keep == "auto" else 2
-    return max(least, math.ceil(size / LARGE))
 
 
 def rollouts(

@@ -1,7 +1,6 @@
 """`jcontour front`: the least contour error for every budget of control increment, or of Ms."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 from rich.console import Console
 
@@ -17,7 +16,7 @@ from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.lifecycle import created, finished, opened, tuning_words
 from jcontour.app.runs.tuning.feeds import front_of_feeds
-from jcontour.app.runs.tuning.trade_off import Search, search_of, traced
+from jcontour.app.runs.tuning.trade_off import search_of, traced
 
 NAMES = {
     "increment": "the control increment",
@@ -36,8 +35,19 @@ def command(flags: Front) -> int:
     else:
         with opened(flags, "front", search_of) as (folder, search):
             result = traced(search, folder, tables.console_of(stderr=True, quiet=flags.json))
-            _store_runs(result, search, folder)
-            units = search.run.design.units()
+            run, points = search.run, result.points
+            # The page shows the runs of every point, by budget; weights with a number for each
+            # sample of the horizon are not kept in a point, nor are its runs
+            if all(name in point.weights for point in points for name in result.weights):
+                replays = {
+                    tables.digits(point.budget): replay(
+                        run.controller(with_values(run.start, point.weights)), run.scenarios
+                    )
+                    for point in points
+                }
+                title = f"jcontour front: runs of every budget of {NAMES[result.against]}"
+                save_rollouts("auto", replays, run.scenarios, run.machine, title, folder)
+            units = run.design.units()
         stored = run_folder.opened(folder, "front")["flags"]
         # The error within every budget, as many as a screen takes
         spent, answer = NAMES[result.against].removeprefix("the "), []
@@ -52,24 +62,6 @@ def command(flags: Front) -> int:
     save_variables(variables_of(result, units), title, folder / "front.nc")
     write_result(folder, result)
     return finished(folder, result, flags, show, answer, result.verdict)
-
-
-def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
-    """Write the runs of every point on the machines as they are, by budget: the page shows them.
-
-    Weights with a number for each sample of the horizon are not kept in a point, nor are its runs.
-    """
-    run, points = search.run, result.points
-    if any(name not in point.weights for point in points for name in result.weights):
-        return
-    replays = {
-        tables.digits(point.budget): replay(
-            run.controller(with_values(run.start, point.weights)), run.scenarios
-        )
-        for point in points
-    }
-    title = f"jcontour front: runs of every budget of {NAMES[result.against]}"
-    save_rollouts("auto", replays, run.scenarios, run.machine, title, folder)
 
 
 def show(result: FrontResult, console: Console) -> None:

@@ -65,7 +65,6 @@ def motion_figure(planned: Planned, axes: Sequence[str], rapid: Bool[np.ndarray,
     figure = Figure(figsize=(9, 7), layout="constrained")
     rows = figure.subplots(3, 1, sharex=True)
     _draw_feed(rows[0], planned, curves, rapid)
-    _mark_stops(rows[0], planned)
     size = "|" if many else ""
     grid(rows[0], WORDS if many else "", y="feed [mm/min]")
     grid(rows[1], y=f"{size}acceleration{size} [m/s$^2$]")
@@ -117,7 +116,10 @@ def _curves(planned: Planned, rapid: Bool[np.ndarray, " P"]) -> _Curves:
 def _draw_feed(
     axes: Axes, planned: Planned, curves: _Curves, rapid: Bool[np.ndarray, " P"]
 ) -> None:
-    """Feed of the cuts, of the rapid moves, and the one that is asked for."""
+    """Feed of the cuts, of the rapid moves, and the one that is asked for; below, the stops.
+
+    There the tool stops or waits, each with how often.
+    """
     asked = planned.motion.feed / MM_PER_MIN
     cut_feed = np.where(curves.cut, curves.fed, np.nan)
     most = max(np.nanmax(cut_feed), asked[~rapid].min())
@@ -134,10 +136,6 @@ def _draw_feed(
     axes.stairs(asked, _ends(planned), baseline=None, color=OTHER, ls="--", label="feed asked for")
     axes.set_ylim(-MARKS * top, top)
     axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= top])
-
-
-def _mark_stops(axes: Axes, planned: Planned) -> None:
-    """Where the tool stops, and below where it waits, each with how often."""
     motion, rests = planned.motion, planned.rests
     waits = rests.begin[rests.lasting > 0]
     strip = {"ls": "", "color": "black", "ms": 6.0, "transform": axes.get_xaxis_transform()}

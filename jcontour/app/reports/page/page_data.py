@@ -222,7 +222,14 @@ def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[di
         return rows
     best = rows[-1]
     chosen = next((one for one in tried if one.weights == result.weights), None)
-    calmer = {} if chosen is None else calmer_points(chosen, tried)
+    calmer = {}  # the least objective with at most 1/2, and 1/4, of the chosen control increment
+    for part in (2, 4):
+        most = -1.0 if chosen is None else chosen.rms_increment / part
+        within = [one for one in tried if one.feasible and one.rms_increment <= most]
+        if within:
+            calmer[part] = min(within, key=lambda one: one.objective)
+    if calmer.get(2) is calmer.get(4):
+        calmer.pop(2, None)
     for part, point in calmer.items():
         assert chosen is not None
         weights = " ".join(f"{name}={weight_digits(one)}" for name, one in point.weights.items())
@@ -242,19 +249,6 @@ def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[di
         row = {"name": drive.controller, "error": error, "margin": drive.sensitivity}
         rows.append({**row, "time": cycle, "note": note})
     return rows
-
-
-def calmer_points(chosen: HistoryPoint, tried: Sequence[HistoryPoint]) -> dict[int, HistoryPoint]:
-    """The least objective with at most 1/2, and 1/4, of the chosen control increment."""
-    calmer = {}
-    for part in (2, 4):
-        most = chosen.rms_increment / part
-        within = [one for one in tried if one.feasible and one.rms_increment <= most]
-        if within:
-            calmer[part] = min(within, key=lambda one: one.objective)
-    if calmer.get(2) is calmer.get(4):
-        calmer.pop(2, None)
-    return calmer
 
 
 def _sensitivity(folder: Path) -> dict[str, Any] | None:

@@ -129,22 +129,16 @@ def run_in_linuxcnc(components: Mapping[str, str], program: str, longest: float)
             (folder / name).write_text(text)
         (folder / "program.ngc").write_text(program)
         (folder / DRIVE).chmod(0o755)
-        for name in COMPONENTS:
-            _installed(folder, name)
+        for name in COMPONENTS:  # built, and put where LinuxCNC looks for it
+            words = ["halcompile", "--install", f"{name}.comp"]
+            if os.geteuid() != 0:
+                words = ["sudo", "-n", *words]
+            done = subprocess.run(words, cwd=folder, text=True, capture_output=True)
+            if done.returncode != 0:
+                fault = (done.stderr or done.stdout).strip()[-500:]
+                raise RuntimeError(f"linuxcnc: {' '.join(words)} failed: {fault}")
         _run(folder, longest)
         return _read(folder)
-
-
-def _installed(folder: Path, name: str) -> None:
-    """Build a component and put it where LinuxCNC looks for it."""
-    words = ["halcompile", "--install", f"{name}.comp"]
-    if os.geteuid() != 0:
-        words = ["sudo", "-n", *words]
-    done = subprocess.run(words, cwd=folder, text=True, capture_output=True)
-    if done.returncode != 0:
-        raise RuntimeError(
-            f"linuxcnc: {' '.join(words)} failed: {(done.stderr or done.stdout).strip()[-500:]}"
-        )
 
 
 def _run(folder: Path, longest: float) -> None:
