@@ -50,44 +50,6 @@ class _Arrays(NamedTuple):
     scratch: np.ndarray
 
 
-def solve(
-    blocks: Float[np.ndarray, "b entries lanes"],
-    axes: int,
-    c: Float[np.ndarray, " n"],
-    steps: int,
-    near: float,
-    busy: float,
-) -> float:
-    """Improve the unknowns of one stretch in place; they begin within every condition.
-
-    The sum of g_i z_i is returned [s]: at the optimum it is zero, and away from it about the time
-    that is left to gain. There are so many steps at most; forty are usual.
-
-    Args:
-        blocks: those of `Conditions`.
-        axes: number m.
-        c: unknowns.
-        steps: of Newton's method.
-        near: share of the duration by which it may be longer than the optimum.
-        busy: time for which the share counts, of a longer duration [s].
-
-    Raises:
-        ValueError: the unknowns break a condition.
-    """
-    slacks = slacks_of.py_func(axes)
-    arrays = _Arrays(
-        point=np.ones(len(blocks) * (POINTS + PER_SLACK * slacks) * WIDTH),
-        equations=np.empty(PER_UNKNOWN * c.size),
-        step=np.zeros(c.size),
-        ahead=np.empty(c.size),
-        scratch=np.empty(12 * WIDTH),
-    )
-    gap = _solved(blocks.ravel(), axes, c, steps, near, busy, arrays)
-    if gap < 0:
-        raise ValueError("start: needs to be within every condition")
-    return gap
-
-
 @part
 def _centring(moved, gain):
     """Factor on mu: small where Newton's step was taken whole, near one while far from the path."""
@@ -108,6 +70,7 @@ def _ahead(c, far, step, equations, ahead):
 
 @compiled
 def _solved(cells, axes, c, steps, near, busy, arrays):
+    """Improve unknowns in place; the sum of g_i z_i [s], or -1 where they break a condition."""
     point, equations, step, ahead, scratch = arrays
     count = c.size * slacks_of(axes)
     inside, _, duration = go(
@@ -152,7 +115,8 @@ def quickest(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " stretches"]]:
     """Unknowns of the quickest warp, from unknowns that are within every condition.
 
-    Beside them, for every stretch that is solved, about the time that is left to gain [s].
+    Beside them, for every stretch that is solved, the sum of g_i z_i [s]: zero at the optimum, and
+    away from it about the time that is left to gain.
 
     Args:
         parts: conditions of the cells.
@@ -167,12 +131,19 @@ def quickest(
     """
     c = start.copy()
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
-    gap = np.zeros(wanted.size)
-
+    gap, per_block = np.zeros(wanted.size), POINTS + PER_SLACK * slacks_of.py_func(parts.axes)
     for k in np.flatnonzero(wanted).tolist():
-        of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
-        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near, busy[k])
-
+        blocks, own = parts.blocks[parts.first[k] : parts.first[k + 1]], c[ends[k] : ends[k + 1]]
+        arrays = _Arrays(
+            point=np.ones(len(blocks) * per_block * WIDTH),
+            equations=np.empty(PER_UNKNOWN * own.size),
+            step=np.zeros(own.size),
+            ahead=np.empty(own.size),
+            scratch=np.empty(12 * WIDTH),
+        )
+        gap[k] = _solved(blocks.ravel(), parts.axes, own, STEPS, near, busy[k], arrays)
+        if gap[k] < 0:
+            raise ValueError("start: needs to be within every condition")
     return c, gap
 
 
