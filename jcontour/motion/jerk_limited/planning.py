@@ -167,15 +167,15 @@ def _windows(
 
     An end is felt up to where the motion has stopped, or started, which is a quarter of an overlap.
     """
-    fastest = min(task.feed.max(), float(np.linalg.norm(task.limits.speed)))
-    braked = fastest / task.limits.acceleration.min()
-    braked += (task.limits.acceleration / task.limits.jerk).max()
+    speed, acceleration, jerk = task.limits
     windows = []
     for begin, end in pairwise(np.append(np.flatnonzero(begins), begins.size).tolist()):
         overlap = OVERLAP
         if end - begin > PER_WINDOW * OVERLAP:
             arc = old.on_cell(cells.cell[begin:end], cells.elapsed[begin:end]).arc
-            felt = np.searchsorted(arc, arc + fastest * braked) - np.arange(arc.size)
+            fastest = min(task.feed[cells.piece[begin:end]].max(), float(np.linalg.norm(speed)))
+            way = fastest * (fastest / acceleration.min() + (acceleration / jerk).max())
+            felt = np.searchsorted(arc, arc + way) - np.arange(arc.size)
             overlap = max(OVERLAP, 4 * int(felt.max()))
         count = max(1, -((overlap + begin - end) // ((PER_WINDOW - 1) * overlap)))
         cuts = np.linspace(begin, end - overlap, count + 1).astype(int)
