@@ -17,7 +17,7 @@ what they had. The rest goes on with less, down to the finest.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.coordinates import Numbers
@@ -243,47 +243,31 @@ def limit_shares(planned: Planned) -> dict[str, float]:
     middle = motion.nodes[:-1] + 0.5 * lasting
     speed, *forces = (np.abs(rows) for rows in motion.axes_at(middle))
     pace = np.linalg.norm(speed, axis=1)
-    piece = _pieces(planned, motion.at(middle).arc)
+    starts = np.append(0.0, np.cumsum(np.asarray(motion.path.extent)))
+    piece = np.searchsorted(starts, motion.at(middle).arc, side="right") - 1
+    piece = np.clip(piece, 0, motion.feed.size - 1)
     load = np.stack(
         [(rows / limit).max(axis=1) for rows, limit in zip(forces, motion.limits[1:], strict=True)]
     )
     acts = 2 + np.argmax(load, axis=0)
-    acts[_slows_for_a_blend(planned, pace, piece)] = LIMITS.index("tolerance")
+    # where the speed is least between two rises; every cell slows down for the nearest such node
+    rises, number = (
+        np.diff(np.linalg.norm(motion.axes_at(motion.nodes)[0], axis=1)) > 0,
+        np.arange(pace.size),
+    )
+    begun = np.maximum.accumulate(np.where(rises, -1, number))  # last cell that falls
+    ends = np.minimum.accumulate(np.where(rises, number, pace.size)[::-1])[::-1]  # next that rises
+    least = np.where(rises, begun + 1, ends)
+    # nodes beside blends, and stops in corners, which are neither ends nor rests
+    blended = np.zeros(pace.size + 1, bool)
+    blended[:-1] |= planned.around.blend[piece]
+    blended[1:] |= planned.around.blend[piece]
+    own = np.concatenate([planned.rests.begin, [0.0, motion.duration]])
+    away = np.array([np.abs(own - t).min() for t in motion.stopped])
+    blended[np.searchsorted(motion.nodes, motion.stopped)] = away > AT_ONE_TIME * motion.duration
+    acts[blended[least]] = LIMITS.index("tolerance")
     acts[(speed > REACHED * motion.limits.speed).any(axis=1)] = LIMITS.index("speed")
     acts[pace > REACHED * motion.feed[piece]] = LIMITS.index("feed")
     times = np.bincount(acts, lasting, len(LIMITS)) / planned.duration
     shares = dict(zip(LIMITS, times.tolist(), strict=True))
     return shares | {"rest": planned.rests.total / planned.duration}
-
-
-def _pieces(planned: Planned, arc: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """Numbers of the pieces of the path at places on it [m]."""
-    starts = np.append(0.0, np.cumsum(np.asarray(planned.motion.path.extent)))
-    last = planned.motion.feed.size - 1
-    return np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, last)
-
-
-def _slows_for_a_blend(
-    planned: Planned, pace: Float[np.ndarray, " n"], piece: Int[np.ndarray, " n"]
-) -> Bool[np.ndarray, " n"]:
-    """Which cells of a motion, of so much speed [m/s], are slower for a blend or a corner."""
-    motion, count = planned.motion, pace.size
-    own = np.concatenate([planned.rests.begin, [0.0, motion.duration]])
-    corner = np.array([np.abs(own - t).min() for t in motion.stopped]) > (
-        AT_ONE_TIME * motion.duration
-    )
-    corners = np.searchsorted(motion.nodes, motion.stopped[corner])
-    # the nodes of all cells: where the speed is least between two rises
-    at_node = np.linalg.norm(motion.axes_at(motion.nodes)[0], axis=1)
-    rises = np.diff(at_node) > 0
-    number = np.arange(count)
-    begun = np.maximum.accumulate(np.where(rises, -1, number))  # last cell that falls
-    ends = np.minimum.accumulate(np.where(rises, number, count)[::-1])[::-1]  # next that rises
-    least = np.where(rises, begun + 1, ends)  # node
-    blended = np.zeros(count + 1, bool)
-    blended[:-1] |= planned.around.blend[piece]
-    blended[1:] |= planned.around.blend[piece]
-    stopped = np.searchsorted(motion.nodes, motion.stopped)
-    blended[stopped] = False
-    blended[corners] = True
-    return blended[least]

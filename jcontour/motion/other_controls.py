@@ -14,7 +14,6 @@ the acceleration is left along arcs, and along legs that are not joined by one.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -109,6 +108,8 @@ def as_planned_by(
         rest: how long the tool rests behind every piece [s]; NaN where it goes on.
         dt: sample period [s].
     """
+    from jcontour.motion.phase_plane import sweep  # loads Numba
+
     pieces = unpadded(contour)
     feed = np.where(rapid, np.inf, feed)
     legs = _legs(pieces, feed, rapid, limits)
@@ -121,35 +122,18 @@ def as_planned_by(
             else corner_speed(last, leg, limits)
             for last, leg in zip(legs, legs[1:], strict=False)
         ]
-    speeds = joint_speeds(legs, joints, AHEAD[limits.control])
-    return _sampled(pieces, legs, speeds, np.nan_to_num(np.append(rest, 0.0)), dt)
-
-
-def joint_speeds(
-    legs: Sequence[Leg], joints: Sequence[float], ahead: int
-) -> Float[np.ndarray, " ends"]:
-    """Speeds at the ends of all legs, from rest to rest [m/s].
-
-    v_k^2 <= v_(k+1)^2 + 2 a_k L_k, and the same forwards. What lies more than `ahead` legs ahead is
-    not known yet: the motion could stop before it.
-
-    Args:
-        legs: of the path.
-        joints: greatest speed between each and the next one [m/s].
-        ahead: number of legs.
-    """
+    # v_k^2 <= v_(k+1)^2 + 2 a_k L_k at the ends of legs, and the same forwards. What lies more than
+    # `AHEAD` legs ahead is not known yet: the motion could stop before it.
     gain = np.array([2 * leg.acceleration * leg.length for leg in legs])
     fastest = np.array([leg.speed for leg in legs])
     square = np.zeros(len(legs) + 1)
     square[1:-1] = np.minimum(joints, np.minimum(fastest[1:], fastest[:-1])) ** 2
     total = np.append(0.0, np.cumsum(gain))
-    known = np.minimum(np.arange(len(legs) + 1) + ahead, len(legs))
+    known = np.minimum(np.arange(len(legs) + 1) + AHEAD[limits.control], len(legs))
     square = np.minimum(square, total[known] - total)
-    for k in range(len(legs) - 1, -1, -1):
-        square[k] = min(square[k], square[k + 1] + gain[k])
-    for k in range(len(legs)):
-        square[k + 1] = min(square[k + 1], square[k] + gain[k])
-    return np.sqrt(square)
+    sweep(np.stack([1.0 + 0.0 * gain, gain, gain, 0.0 * gain])[..., None], square)
+    speeds = np.sqrt(square)
+    return _sampled(pieces, legs, speeds, np.nan_to_num(np.append(rest, 0.0)), dt)
 
 
 def corner_speed(last: Leg, leg: Leg, limits: ControlLimits) -> float:
