@@ -258,24 +258,19 @@ def _steps(pieces: Piece) -> _Steps:
     several = np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
     count = np.where(straight, 1, several)
     while True:  # a bend may hide between the places that are looked at first
-        steps = _divided(pieces, straight, count)
-        wide = steps.piece[~(steps.turned < WIDE)]
+        if not count.sum() <= MOST_STEPS:
+            raise SharpTurnError(int(np.argmax(count)), float(count.sum()))
+        whole = count.astype(int)
+        piece = np.repeat(np.arange(whole.size), whole)
+        number = np.arange(piece.size) - np.repeat(np.cumsum(whole) - whole, whole)
+        length = pieces.extent[piece] / whole[piece]
+        ends = np.stack([number * length, (number + 1) * length])
+        tangent, curvature = _frame(pieces, np.broadcast_to(piece, ends.shape), ends)
+        steps = _Steps(length, piece, straight[piece], tangent, curvature)
+        wide = piece[~(steps.turned < WIDE)]
         if wide.size == 0:
             return steps
         count[np.unique(wide)] *= FINER
-
-
-def _divided(pieces: Piece, straight: np.ndarray, count: np.ndarray) -> _Steps:
-    """So many equal steps of every piece."""
-    if not count.sum() <= MOST_STEPS:
-        raise SharpTurnError(int(np.argmax(count)), float(count.sum()))
-    count = count.astype(int)
-    piece = np.repeat(np.arange(count.size), count)
-    number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
-    length = pieces.extent[piece] / count[piece]
-    ends = np.stack([number * length, (number + 1) * length])
-    tangent, curvature = _frame(pieces, np.broadcast_to(piece, ends.shape), ends)
-    return _Steps(length, piece, straight[piece], tangent, curvature)
 
 
 def _frame(pieces: Piece, piece: Int[np.ndarray, "..."], s: Float[np.ndarray, "..."]):

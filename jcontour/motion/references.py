@@ -289,17 +289,9 @@ def pad(reference: Reference, steps: int) -> Reference:
         values = np.asarray(values)
         return jax.device_put(np.concatenate([values, np.repeat(values[-1:], extra, axis=0)]))
 
+    rows = {name: hold(getattr(reference, name)) for name in ("position", "tangent", "arc")}
     mask = jax.device_put(np.concatenate([reference.mask, np.zeros(extra, bool)]))
-    return Reference(
-        hold(reference.position),
-        hold(reference.tangent),
-        hold(reference.arc),
-        mask,
-        reference.start_increment,
-        reference.contour,
-        reference.dt,
-        steps,
-    )
+    return replace(reference, **rows, mask=mask, steps=steps)
 
 
 def _arc_on(contour: Contour, position: np.ndarray, tangent: np.ndarray) -> np.ndarray:
