@@ -81,14 +81,15 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     size = f"{run.training_samples} samples on {len(run.scenarios.plants)} plants"
     words = f"tuning {run.design.name}, {size}: compiling; points tried are kept in {folder}"
     announce(bar_of(run), words)
-    # the start is tried meanwhile
+    # the start is tried meanwhile, and what of the tuned weights does not wait for the rest
     with Beside(tried.__module__) as process:
         start = start_trial(run, process)
         chosen, loops = _chosen(run, folder, console)
         with working(bar_of(run), "trying start and tuned weights on every contour and plant"):
             first = start()
-            chosen, last = suiting_all(chosen, first)
+            chosen, last = suiting_all(chosen, first, process)
             trials = {"start": first, "tuned": last}
+            more_plants = robust_trial(chosen.run, chosen.tuned, process)
             baseline = baseline_trial(run, first, loops)
         run, tuned = chosen.run, chosen.tuned
         with drawn_beside(figures(run, trials, folder)):
@@ -103,7 +104,7 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             curves = {name: trial.curves for name, trial in trials.items()}
             save_sensitivity(curves, run.scenarios.plants, folder)
             with working(bar_of(run), "trying more plants of the family at random"):
-                robust = robust_trial(run, tuned)
+                robust = more_plants()
     if baseline is not None:
         trials["baseline"] = baseline
     result = tuned_result(chosen, trials, robust, loops, time.perf_counter() - began)

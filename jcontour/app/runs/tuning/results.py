@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -85,13 +86,16 @@ class Trial:
     name: str = ""
 
 
-def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
+def trial_of(run: TuningRun, tuned: Tuned, process: Beside | None = None) -> Trial:
     """Tuned weights tried on every contour and every plant."""
     known = None if run.flags.nominal_only else tuned.outcome.loops
-    return tried(run.controller(tuned.weights), run.machine, run.scenarios, run.design.fed, known)
+    on = run.controller(tuned.weights), run.machine, run.scenarios, run.design.fed
+    return tried(*on, known, process)
 
 
-def suiting_all(searched: Searched, start: Trial) -> tuple[Searched, Trial]:
+def suiting_all(
+    searched: Searched, start: Trial, process: Beside | None = None
+) -> tuple[Searched, Trial]:
     """The tuned weights and their trial, some way back to the start where some contour pays.
 
     A search sees the training contours alone. Where its end makes any contour worse than a usable
@@ -100,7 +104,7 @@ def suiting_all(searched: Searched, start: Trial) -> tuple[Searched, Trial]:
     with the least geometric mean error is taken; the end itself where there is none.
     """
     run, tuned = searched.run, searched.tuned
-    trial = trial_of(run, tuned)
+    trial = trial_of(run, tuned, process)
     if not (tuned.feasible and keeps_limits(run, start)) or _suits(run, start, trial):
         return searched, trial
     chart = Chart(run.problem.space, run.start)
@@ -120,7 +124,7 @@ def suiting_all(searched: Searched, start: Trial) -> tuple[Searched, Trial]:
         other = tuned._replace(
             weights=weights, outcome=point.outcome, violation=violation, prices=[]
         )
-        there = trial_of(run, other)
+        there = trial_of(run, other, process)
         typical = float(np.mean(np.log(_errors(run, there))))
         if typical < least and _suits(run, start, there):
             best, least = (replace(searched, tuned=other, part=part), there), typical
@@ -146,14 +150,14 @@ def _finest(run: TuningRun) -> float:
     return float(np.max(counts)) / np.sqrt(12)
 
 
-def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
-    """Tuned weights tried on random plants of the family."""
+def robust_trial(run: TuningRun, tuned: Tuned, process: Beside) -> Callable[[], RobustTest | None]:
+    """Tuned weights tried on random plants of the family, meanwhile."""
     controller, seed = run.controller(tuned.weights), run.flags.seed
     scenarios, fed = run.scenarios, run.design.fed
     if run.by_stretches:  # a thousand plants on the whole would take an hour
         seen = [True] * len(run.learned)
         scenarios = Scenarios.of(run.learned, seen, run.machine, fed, run.design.preview)
-    return robust_test(controller, run.machine, scenarios, fed, seed)
+    return process.submit(robust_test, controller, run.machine, scenarios, fed, seed)
 
 
 def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
@@ -186,12 +190,18 @@ def tried(
     scenarios: Scenarios,
     fed: Fed,
     known: LoopPeaks | None = None,
+    process: Beside | None = None,
 ) -> Trial:
-    """A controller tried on every contour and every plant; `known` are its peaks, if they are."""
+    """A controller tried on every contour and every plant; `known` are its peaks, if they are.
+
+    It is tried at standstill by the process meanwhile, where there is one.
+    """
+    submit = partial if process is None else process.submit
+    at_rest = submit(standstill, controller, machine, fed)
     on = controller, machine, scenarios, fed
     peaks = family_peaks(*on) if known is None else known
     loops = path_margins(*on, peaks), family_curves(*on, peaks)
-    return Trial(replay(controller, scenarios), *loops, standstill(controller, machine, fed))
+    return Trial(replay(controller, scenarios), *loops, at_rest())
 
 
 def tuned_result(

@@ -64,7 +64,7 @@ def test_weights_step_back_to_where_no_contour_pays(monkeypatch, rise, last_kept
     run = partly(TuningRun, problem=partly(Problem, space={"gain": Positive()}), start=gain)
     way = lambda weights: float(np.log(weights["gain"]))  # noqa: E731
     monkeypatch.setattr(results, "keeps_limits", lambda run, trial: True)
-    monkeypatch.setattr(results, "trial_of", lambda run, tuned: tuned.weights)
+    monkeypatch.setattr(results, "trial_of", lambda run, tuned, _: tuned.weights)
     monkeypatch.setattr(
         results, "_errors", lambda run, w: np.array([np.exp(-way(w)), 1 + rise * way(w)])
     )
