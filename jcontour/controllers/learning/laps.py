@@ -15,7 +15,7 @@ last in the RMS of the correction's distance from its limit, where for every fre
 
 Whether learning converges for a whole family of machines is known before the first lap. A law and a
 linear machine make a linear iteration, c_{j+1} = M c_j + const. Where it is the same at every
-sample of the lap, with the answer M_k of the next correction to an impulse, k samples apart,
+sample of the lap, with the response M_k of the next correction to an impulse, k samples apart,
 
     |c_{j+1} - c| <= max over w of |M(w)| |c_j - c|,    M(w) = sum_k M_k exp(-j w k)
 in the middle half of the lap; c is the limit, |M(w)| the largest singular value. What the two ends
@@ -26,7 +26,7 @@ rise before they fall, or diverge.
 Zeller, Mathematische Zeitschrift 86, 1964) its values at N > n even places bound all others:
 
     max over w of |M(w)| <= max over the places of |M(w)| / cos(pi n / 2N).
-An iteration that changes along the lap has no such bound. Its answers to impulses at three places
+An iteration that changes along the lap has no such bound. Its impulse responses at three places
 give an estimate.
 """
 
@@ -189,10 +189,10 @@ def diverged_lap(errors: Errors) -> int | None:
         ValueError: there is no lap.
     """
     values = _of_laps(errors)
-    lost = ~np.isfinite(values)
-    if not lost[0]:
-        lost |= values > GROWN * max(values[0], NO_ERROR)
-    return int(np.argmax(lost)) + 1 if lost.any() else None
+    diverged = ~np.isfinite(values)
+    if not diverged[0]:
+        diverged |= values > GROWN * max(values[0], NO_ERROR)
+    return int(np.argmax(diverged)) + 1 if diverged.any() else None
 
 
 def paying_laps(errors: Errors) -> int | None:
@@ -278,7 +278,7 @@ def smoothed(signal: Float[Array, "T m"], times: int) -> Float[Array, "T m"]:
 
 OVERSAMPLED = 32  # places for each degree: the bound is at most 0.12 % above the maximum
 ALIKE = 1e-6  # largest relative difference between two samples of an iteration that are the same
-NEGLECTED = 1e-9  # sum of |M_k| at the ends of the answers that is added instead of transformed
+NEGLECTED = 1e-9  # sum of |M_k| at the ends of the responses that is added instead of transformed
 
 
 class Convergence(NamedTuple):
@@ -301,8 +301,8 @@ class Convergence(NamedTuple):
         return self.bound < 1
 
 
-class Answers(NamedTuple):
-    """Answers of the iteration to impulses, and their size over frequency."""
+class ImpulseResponses(NamedTuple):
+    """Impulse responses of the iteration, and their size over frequency."""
 
     # |M| at even frequencies from zero to pi, the largest of all places; by member
     sizes: Float[np.ndarray, "members W"]
@@ -314,7 +314,7 @@ class Answers(NamedTuple):
         """Convergence with the filter of `PType` behind the law; what is not finite is infinite.
 
         Args:
-            smoothing: n of the filter, at most what the answers were made for.
+            smoothing: n of the filter, at most what they were made for.
         """
         count = self.sizes.shape[-1] - 1
         frequency = np.pi * np.arange(count + 1) / count
@@ -326,19 +326,19 @@ class Answers(NamedTuple):
         return Convergence(largest, int(member), float(frequency[k]), self.invariant)
 
 
-def answers(
+def impulse_responses(
     law: LearningLaw,
     family: Iterable[Callable[[Any], Any]],
     shape: tuple[int, int],
     smoothing: int = 0,
-) -> Answers:
-    """Answers of a law over a family of linearised machines.
+) -> ImpulseResponses:
+    """Impulse responses of a law over a family of linearised machines.
 
     Args:
         law: the rule.
         family: each member as a linear function, correction (T, m) to positions (T, m).
         shape: (T, m) of a lap.
-        smoothing: most that is asked of `Answers.convergence` later.
+        smoothing: most that is asked of `ImpulseResponses.convergence` later.
 
     Raises:
         ValueError: the family is empty, or the lap has fewer than eight samples.
@@ -356,13 +356,13 @@ def answers(
         for kernels in short
     ]
     neglected = max(rest for kernels in short for _, rest in kernels)
-    return Answers(np.array(sizes), degree, neglected, all(same for _, same in members))
+    return ImpulseResponses(np.array(sizes), degree, neglected, all(same for _, same in members))
 
 
 def _member(
     law: LearningLaw, linear: Callable[[Any], Any], shape: tuple[int, int]
 ) -> tuple[list[Float[np.ndarray, "K m m"]], bool]:
-    """Answers of the iteration to impulses, and whether it is the same at every sample."""
+    """Impulse responses of the iteration, and whether it is the same at every sample."""
     # it is if it commutes with a shift by one sample; a random signal shows it with probability one
     steps, axes = shape
     places = [steps // 4, steps // 2, 3 * steps // 4]
@@ -389,7 +389,7 @@ def _member(
 
 
 def _shortened(kernel: Float[np.ndarray, "K m m"]) -> tuple[Float[np.ndarray, "k m m"], float]:
-    """Answer without its ends, and the sum of what these hold."""
+    """Response without its ends, and the sum of what these hold."""
     size = np.linalg.norm(kernel, axis=(1, 2))
     needed = (np.cumsum(size) > NEGLECTED / 2) & (np.cumsum(size[::-1])[::-1] > NEGLECTED / 2)
     if not np.isfinite(size).all() or not needed.any():

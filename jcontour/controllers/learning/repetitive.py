@@ -56,8 +56,8 @@ class ErrorDriven(Wrapper):
     sensors: eqx.AbstractVar[Sensors]
 
     @abc.abstractmethod
-    def untaught(self, axes: int) -> Any:
-        """What is known before the first sample."""
+    def initial_learned(self, axes: int) -> Any:
+        """Memory of the learning part before the first sample."""
 
     def prepare(self, reference: Reference) -> ErrorDrivenPlan:
         check_axes(self.sensors.axes, reference)
@@ -66,7 +66,7 @@ class ErrorDriven(Wrapper):
 
     def initial_memory(self, reference: Reference) -> ErrorDrivenMemory:
         inner = self.controller.initial_memory(reference)
-        return ErrorDrivenMemory(self.untaught(self.sensors.axes), inner)
+        return ErrorDrivenMemory(self.initial_learned(self.sensors.axes), inner)
 
     def error(self, plan: ErrorDrivenPlan, measurement: Any) -> Float[Array, " m"]:
         """Position error e of this sample [m]."""
@@ -133,7 +133,7 @@ class RepetitiveFilter(eqx.Module):
         return self.learning.size // 2 + self.smoothing.size // 2
 
     def start(self, axes: int) -> Period:
-        """Nothing seen yet."""
+        """Memory before the first sample."""
         nothing = jnp.zeros((self.period + self.behind, axes))
         return Period(nothing, nothing, jnp.zeros((), int))
 
@@ -147,7 +147,7 @@ class RepetitiveFilter(eqx.Module):
         smooth = self.smoothing @ (memory.correction[j % rings] + errors)
         return jnp.where(memory.sample >= self.period + self.behind, smooth, 0.0)
 
-    def seen(
+    def updated(
         self, memory: Period, correction: Float[Array, " m"], error: Float[Array, " m"]
     ) -> Period:
         """Memory after a sample."""
@@ -179,18 +179,18 @@ class Repetitive(ErrorDriven):
     sensors: Sensors
     filter: RepetitiveFilter
 
-    def untaught(self, axes: int) -> Period:
-        """Nothing seen yet."""
+    def initial_learned(self, axes: int) -> Period:
+        """Memory before the first sample."""
         return self.filter.start(axes)
 
     def step(
         self, memory: ErrorDrivenMemory, plan: ErrorDrivenPlan, measurement: Any
     ) -> tuple[ErrorDrivenMemory, Float[Array, " p"]]:
         correction = self.filter.correction(memory.learned)
-        seen = self.filter.seen(memory.learned, correction, self.error(plan, measurement))
+        learned = self.filter.updated(memory.learned, correction, self.error(plan, measurement))
         shifted = moved_positions(measurement, self.sensors, -correction)
         inner, control = self.controller.step(memory.inner, plan.inner, shifted)
-        return ErrorDrivenMemory(seen, inner), control
+        return ErrorDrivenMemory(learned, inner), control
 
 
 def moved_positions(measurement: Any, sensors: Sensors, shift: Float[Array, " m"]) -> Any:
@@ -256,16 +256,16 @@ class Canceller(eqx.Module):
                 )
 
     def start(self, axes: int) -> Waves:
-        """Nothing learned yet."""
+        """Memory before the first sample."""
         nothing = jnp.zeros((axes, self.frequency.size))
         return Waves(nothing, nothing, jnp.zeros((), int))
 
     def step(self, memory: Waves, error: Float[Array, " m"]) -> tuple[Waves, Float[Array, " m"]]:
         turn = self.frequency * memory.sample.astype(error.dtype)
-        seen = turn + self.phase
+        phase = turn + self.phase
         share = self.gain * error[:, None]
-        cosine = memory.cosine + share * jnp.cos(seen)[None]
-        sine = memory.sine + share * jnp.sin(seen)[None]
+        cosine = memory.cosine + share * jnp.cos(phase)[None]
+        sine = memory.sine + share * jnp.sin(phase)[None]
         added = cosine @ jnp.cos(turn) + sine @ jnp.sin(turn)
         return Waves(cosine, sine, memory.sample + 1), added
 
@@ -292,8 +292,8 @@ class RunoutCancelled(ErrorDriven):
     sensors: Sensors
     canceller: Canceller
 
-    def untaught(self, axes: int) -> Waves:
-        """Nothing learned yet."""
+    def initial_learned(self, axes: int) -> Waves:
+        """Memory before the first sample."""
         return self.canceller.start(axes)
 
     def step(

@@ -21,8 +21,8 @@ from jcontour.controllers.learning.laps import (
     Convergence,
     LearningLaw,
     RunLap,
-    answers,
     diverged_lap,
+    impulse_responses,
     laps_of,
     paying_laps,
 )
@@ -115,7 +115,7 @@ def prepared_law(one: Setting, flags: Learn) -> Prepared:
     run = one.laps(lambda lap: nominal)
     base = norm_optimal(run, one.reference, contouring=part, effort=flags.effort)
     smoothings = SMOOTHINGS if flags.smoothing is None else (flags.smoothing,)
-    known = answers(base, family, one.shape, max(smoothings))
+    known = impulse_responses(base, family, one.shape, max(smoothings))
     tried = []
     for smoothing in smoothings:
         tried.append((known.convergence(smoothing), smoothing))

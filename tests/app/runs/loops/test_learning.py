@@ -32,7 +32,13 @@ from jcontour.app.runs.loops.learning import (
     stored_lap,
 )
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.learning.laps import PType, answers, diverged_lap, laps_of, learn
+from jcontour.controllers.learning.laps import (
+    PType,
+    diverged_lap,
+    impulse_responses,
+    laps_of,
+    learn,
+)
 from jcontour.controllers.learning.norm_optimal import linearised
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along, from_samples, in_time
@@ -227,7 +233,7 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
         )
         for k in stiffnesses()[:6]
     ]
-    assert answers(prepared.law, some, axis.shape).convergence().assured
+    assert impulse_responses(prepared.law, some, axis.shape).convergence().assured
 
 
 @pytest.mark.slow

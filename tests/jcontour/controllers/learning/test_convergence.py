@@ -13,8 +13,8 @@ from jcontour._arrays import placed
 from jcontour.controllers.learning.laps import (
     Lap,
     PType,
-    answers,
     diverged_lap,
+    impulse_responses,
     learn,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal
@@ -24,7 +24,7 @@ ABOVE = 1.0013  # of the maximum, at most, where a bound may be
 
 
 def convergence(*law_family_shape):
-    return answers(*law_family_shape).convergence()
+    return impulse_responses(*law_family_shape).convergence()
 
 
 def first_order(pole):
@@ -191,7 +191,7 @@ def test_bad_input():
 def test_a_filter_scales_the_sizes_of_the_law_without_it():
     """So that many filters need the answers of the family once."""
     members = [first_order(0.5), first_order(0.8)]
-    known = answers(PType(0.7, 1), members, (STEPS, 1), smoothing=40)
+    known = impulse_responses(PType(0.7, 1), members, (STEPS, 1), smoothing=40)
     for smoothing in (0, 3, 40):
         whole = convergence(PType(0.7, 1, smoothing), members, (STEPS, 1))
         actual = known.convergence(smoothing)

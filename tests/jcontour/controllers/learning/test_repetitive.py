@@ -52,7 +52,7 @@ def test_cycles_are_those_of_the_reference(companions, key, smoothing):
     def sample(memory, e0):
         correction = law.correction(memory)
         error = e0 - correction
-        return law.seen(memory, correction, error), error
+        return law.updated(memory, correction, error), error
 
     run = jax.jit(lambda wanted: jax.lax.scan(sample, law.start(1), wanted)[1])
     errors = run(np.tile(first, 6)[:, None])
@@ -68,7 +68,7 @@ def test_taps_run_from_the_latest_error_to_the_earliest():
 
     def sample(memory, e):
         correction = law.correction(memory)
-        return law.seen(memory, correction, e[None]), correction[0]
+        return law.updated(memory, correction, e[None]), correction[0]
 
     actual = jax.jit(lambda e: jax.lax.scan(sample, law.start(1), e)[1])(error)
     wanted = np.zeros(30)
@@ -132,7 +132,7 @@ class SumOfErrors(ErrorDriven):
     controller: Controller
     sensors: Sensors
 
-    def untaught(self, axes: int) -> Any:
+    def initial_learned(self, axes: int) -> Any:
         return jnp.zeros(axes)
 
     def step(self, memory, plan, measurement):
