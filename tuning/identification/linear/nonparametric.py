@@ -53,7 +53,8 @@ GAP, SPACING = 0.2, 5.0  # of a frequency, or [Hz]: between lines no resonance h
 # of a frequency, or [Hz], on either side of a line: a mode of damping 0.05 is wider
 NEAR, NEAR_HZ = 0.04, 2.5
 DIFFER = 3.0  # deviations of a mean square
-CLEAR = 0.7  # widest interval, relative, of a line that is kept
+# widest interval, relative, of a line that is kept: by itself, and averaged with its neighbours
+FAINT, CLEAR = 2.0, 0.7
 
 
 NO_LINES = Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
@@ -68,6 +69,8 @@ def averaged(lines: Response, model: AxisModel) -> Response:
         r = sum_k w_k G_k / G_m(f_k) / sum_k w_k,    w_k = |G_m(f_k) / G_k|^2 / var G_k
     with the variance max(1, c) / sum_k w_k, c the mean of w_k |G_k / G_m(f_k) - r|^2. Where c tells
     that the lines differ by more than their errors a line stands for itself: a mode hides there.
+    Dropped are those whose interval is then wider than `CLEAR`: at an antiresonance many lines are,
+    each by itself.
     """
     own = lines.value / model.response(2 * np.pi * lines.frequency)
     weight = 1 / np.maximum(np.abs(own) * lines.half_width / FACTOR, 1e-9) ** 2
@@ -81,7 +84,8 @@ def averaged(lines: Response, model: AxisModel) -> Response:
             continue
         value[k] *= mean / own[k]
         half[k] = FACTOR * np.sqrt(max(apart, 1.0) / total) / np.abs(mean)
-    return Response(lines.frequency, value, half)
+    clear = half < CLEAR
+    return Response(lines.frequency[clear], value[clear], half[clear])
 
 
 def response_of_lines(lines: Response, model: AxisModel) -> Response:
@@ -156,12 +160,16 @@ def _excited(record: AxisRecord, rows: int, value, variance, power) -> Response:
     near = np.stack([np.roll(power, k) for k in range(-BESIDE, BESIDE + 1)])
     relative = variance / np.maximum(np.abs(value) ** 2, 1e-300)
     inside = (hertz > 0) & (hertz < 0.45 / record.dt)
-    kept = np.flatnonzero(inside & (power > EXCITED * near.max(axis=0)) & (relative < CLEAR**2))
+    kept = np.flatnonzero(inside & (power > EXCITED * near.max(axis=0)) & (relative < FAINT**2))
     if not kept.size:
         return NO_LINES
     mean = uniform_filter1d(relative[kept], 2 * BESIDE + 1, mode="nearest")
     half = FACTOR * np.sqrt(np.maximum(mean, 0.0))  # a running sum rounds below zero
-    sure = half < CLEAR
+    clear = np.flatnonzero(half < CLEAR)
+    if not clear.size:
+        return NO_LINES
+    sure = half < FAINT
+    sure[: clear[0]] = sure[clear[-1] + 1 :] = False  # faint ones show where clear ones are around
     return Response(hertz[kept][sure], value[kept][sure], half[sure])
 
 

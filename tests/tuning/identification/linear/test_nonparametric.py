@@ -126,6 +126,17 @@ def test_averaged_lines_hold_the_truth_and_keep_a_mode_that_the_model_lacks():
     assert np.array_equal(found.value[at], lines.value[at])
 
 
+def test_lines_that_say_little_by_themselves_say_more_together():
+    """Five of an interval of 1.2 have one of 1.2 / sqrt(5); one by itself is dropped."""
+    axis = AxisModel(np.array([-0.9]), np.array([1e-3]), 1, 0, DT)
+    hertz = np.array([20.0, 40.0, 40.5, 41.0, 41.5, 42.0, 60.0])
+    lines = Response(hertz, axis.response(2 * np.pi * hertz), np.full(hertz.size, 1.2))
+    found = averaged(lines, axis)
+    np.testing.assert_array_equal(found.frequency, hertz[1:-1])
+    np.testing.assert_allclose(found.half_width, 1.2 / np.sqrt(5))
+    np.testing.assert_allclose(found.value, lines.value[1:-1])
+
+
 def test_moves_have_no_periods(record):
     part = record.part(SECTIONS * PERIODS * PERIOD, len(record.command))
     assert not periodic_lines(part).frequency.size
