@@ -54,7 +54,7 @@ def store(run: Path) -> Path:
         rankings = json.loads(RANKINGS.read_text(encoding="utf-8")) if RANKINGS.exists() else {}
         rows = rankings.setdefault(values["machine"]["name"], {})
         kept = ("held_out", "peak_sensitivity", "evaluations", "stationary", "feasible", "failure")
-        rows |= {row["label"]: [row[name] for name in kept] for row in values["rows"]}
+        rows |= {row["label"]: [row.get(name) for name in kept] for row in values["rows"]}
         RANKINGS.write_text(json.dumps(rankings, indent=1) + "\n", encoding="utf-8")
         return RANKINGS
     if values["quick"]:
@@ -95,7 +95,7 @@ def _made(place: re.Match[str]) -> str:
             for label, (error, Ms, points, ended, kept, _) in placed
         ]
         rows += [
-            [label, "", "", "", "", row[-1].partition(":")[0]]
+            [label, "", "", "", "", re.split("[:;]", row[-1].removeprefix("controller: "))[0]]
             for label, row in ranked
             if not row[0]
         ]

@@ -42,7 +42,7 @@ def test_rankings_of_one_machine_are_one_table(tmp_path, monkeypatch):
     monkeypatch.setattr(site, "RANKINGS", tmp_path / "rankings.json")
     (tmp_path / "settings.json").write_text(json.dumps({"command": "rank"}))
     row = {"peak_sensitivity": 2.0, "evaluations": 20, "stationary": True, "feasible": True}
-    lost = dict.fromkeys([*row, "held_out"]) | {"label": "c", "failure": "no start is stable: 1"}
+    lost = {"label": "c", "failure": "controller: c needs a plane; use b"}  # defaults are left out
     for rows in (
         [{"label": "a", "held_out": 3e-6, "failure": None, **row}],
         [{"label": "b", "held_out": 2e-6, "failure": None, **row}, lost],
@@ -52,7 +52,7 @@ def test_rankings_of_one_machine_are_one_table(tmp_path, monkeypatch):
         site.store(tmp_path)
     lines = site.on_page_markdown("<!-- ranking of mill -->").splitlines()[2:]
     assert lines[0].startswith("| b | 2 | 1.00 |") and lines[1].startswith("| a | 3 | 1.50 |")
-    assert lines[2].startswith("| c |") and lines[2].endswith("no start is stable |")
+    assert lines[2].startswith("| c |") and lines[2].endswith("c needs a plane |")
 
 
 @pytest.mark.parametrize("place", ["statements of nobody", "rates of nothing"])

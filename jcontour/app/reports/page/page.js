@@ -272,7 +272,8 @@ function tellRun() {
   $("drives-section").hidden = !Object.keys(one.drives).length;
   options($("product"), Object.keys(one.drives), 0);
   tellDrive(0);
-  fill($("settings"), Object.entries(one.settings));
+  const settings = Object.entries(one.settings);
+  fill($("settings"), settings.length ? settings : [["none"]]);
   fill($("versions"), Object.entries(one.versions));
   const where = one.command === "tune" ? " of the training contours, smooth machine" : "";
   if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um]${where} over ${one.points.x}; hollow ones exceed a limit`;
