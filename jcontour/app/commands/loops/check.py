@@ -327,7 +327,8 @@ def verdict_on(
     checks = []
     for name in (name for name, bounds in limits.items() if bounds is not None):
         reached = [_limit_check(row, name, limits, unit) for row in rows if name in row.reached]
-        checks += sorted(reached, key=lambda one: one.value / one.allowed)[-1:]
+        # runs at a limit are equal to the tolerance of the QP
+        checks += sorted(reached, key=lambda one: round(one.value / one.allowed, 6))[-1:]
     messages = [*tuned]
     for row in rows:
         where = f"{row.contour}, {row.plant}"
