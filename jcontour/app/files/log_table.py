@@ -17,6 +17,7 @@ SURE_ROWS = 5  # of numbers in a row: the text above them is over
 COMMENTS = "#%/"
 SEPARATORS = "\t;"
 SPACES = r"\s+"
+SCOPE = "Name"  # above the times of a TwinCAT scope, in the row that names its channels
 
 Table = dict[str, Float[np.ndarray, " T"]]
 
@@ -89,9 +90,38 @@ def _text(path: Path, content: bytes) -> Table:
         raise ValueError(f"{path}: {what}") from None
     frame = frame.dropna(axis=1, how="all").dropna(how="all")
     columns = {int(k): frame[k].to_numpy() for k in frame.columns}
+    scope = _scope(head[:first], separator, len(columns))
+    if scope:
+        columns = _under_scope(path, columns, scope, separator != ",")
+        head[first - 1] = separator.join(scope)
     names = _names(path, head[:first], columns, separator)
     numbers = {name: _numbers(columns[k], separator != ",") for k, name in names.items()}
     return {name: one for name, one in numbers.items() if np.isfinite(one).any()}
+
+
+def _scope(above: list[str], separator: str, count: int) -> list[str]:
+    """Names in an export of TwinCAT's scope, its times as time_ms; none of another file."""
+    if not any(words.startswith("SampleTime") for words in above):
+        return []
+    rows = (_cells(words, separator) for words in above)
+    heads = next((one for one in rows if one[:1] == [SCOPE] and len(one) >= count), [])
+    marks = [k for k, cell in enumerate(heads) if cell == SCOPE]
+    times = {k: f"time_ms_{j}" if j else "time_ms" for j, k in enumerate(marks)}
+    return [times.get(k, cell) for k, cell in enumerate(heads)]
+
+
+def _under_scope(
+    path: Path, columns: dict[int, np.ndarray], heads: list[str], comma: bool
+) -> dict[int, np.ndarray]:
+    """Rows of samples; channels of several rates, each with its times, are refused."""
+    stamped = [k for k, name in enumerate(heads) if name.startswith("time_ms") and k in columns]
+    words = np.array([[str(cell) for cell in columns[k]] for k in stamped])
+    times = pd.DataFrame(np.char.replace(words, ",", ".") if comma else words).T
+    stamps = times.apply(pd.to_numeric, errors="coerce").to_numpy()
+    rows = np.isfinite(stamps).any(axis=1)
+    if np.any(stamps[rows] != stamps[rows][:, :1]):
+        raise ValueError(f"{path}: its channels have several rates; export those of one rate alone")
+    return {k: column[rows] for k, column in columns.items()}
 
 
 def _separator(words: str) -> str:

@@ -41,6 +41,20 @@ def test_a_preamble_of_text_above_the_header_is_left_out(tmp_path):
         read_table(path)
 
 
+def test_an_export_of_a_scope_with_times_for_each_group_of_channels(tmp_path):
+    """As TwinCAT writes it, rows of numbers among those of text above the channels."""
+    path = tmp_path / "scope.csv"
+    above = "Name\tscope\nStart\t1329\tMontag, 2. Mai\n\nName\tx_cmd\tName\tx_pos\n"
+    above += "SampleTime[ms]\t1\tSampleTime[ms]\t1\n" * 6
+    path.write_text(f"{above}\n0\t0,5\t0\t1\n1\t0,6\t1\t1,5\n")
+    table = read_table(path)
+    assert list(table) == ["time_ms", "x_cmd", "time_ms_1", "x_pos"]
+    assert table["time_ms"].tolist() == [0.0, 1.0] and table["x_pos"].tolist() == [1.0, 1.5]
+    path.write_text(f"{above}\n0\t0,5\t0\t1\n1\t0,6\t5\t1,5\n")
+    with pytest.raises(ValueError, match="several rates"):
+        read_table(path)
+
+
 def test_decimal_commas_as_many_drives_write_them(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t;u\n0,001;-1,5\n0,002;2e-3\n", encoding="utf-8-sig")
