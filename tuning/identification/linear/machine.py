@@ -119,7 +119,9 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         worse = WORSE_THAN_LINES if len(excited.frequency) else WORSE_THAN_SPECTRA
         found = _fitted(one, lines, simple, most_poles, most_delay, worse)
         if found is None and simple is not None:
-            found, lines, excited = _simple(simple), NO_LINES, NO_LINES
+            found, excited = _simple(simple), NO_LINES
+            if simple.fit.model.integrators:  # a loop around it bends them
+                lines = NO_LINES
     away = validation.fastest_growth(one.command, one.position) > RUNS_AWAY
     if found is None or found.explained <= (POOR if away else 0.0):
         raise ValueError(f"{name}: {_why(one, simple)}")

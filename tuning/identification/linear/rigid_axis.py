@@ -1,8 +1,8 @@
 """The simplest models of an axis, for records that show no more.
 
-A drive that follows its command, y = (b_1 q^-1 + b_2 q^-2) (q^-d u - f sign(v)) + p, with gains of
-one sign: a gain and a delay, behind the reversal error of its friction. And a mass with friction
-that slides,
+A drive that follows its command, y = (b_1 q^-1 + b_2 q^-2) (q^-d u - f sign(v)) / (1 - a q^-1) + p,
+with gains of one sign: a gain and a delay, or a lag where that leaves less (a > 0), behind the
+reversal error of its friction. And a mass with friction that slides,
 
     m dv/dt + c v + f sign(v) + o = u(t - d dt),
 
@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
-from scipy.signal import fftconvolve
+from scipy.signal import fftconvolve, lfilter
 
 from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel
@@ -40,6 +40,8 @@ BLOCKS = 20  # of the record, whose sums are taken for independent
 STILL = 0.1  # part of a kernel at rest: friction is then any force
 TELLS = 1.02  # ratio of what two delays leave that tells them apart
 MOVES = 1e-4  # of the response, to which long moves show it
+SLOWEST = 0.05  # longest time constant of a lag, of the record
+LAGS, FINER = 7, 7  # time constants of a grid; grids, each a third as wide on a scale of ratios
 INERT = 10.0  # time constant over the length of a record that shows no viscous friction
 
 
@@ -82,7 +84,7 @@ def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple |
 def _follows(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
     record = replace(record, drags=(validation.speed_signs(record.position, resolution),))
     cut = int(TRAINING * len(record.position))
-    model = _gain_and_delay(record.part(0, cut), most_delay)
+    model = _gain_and_lag(record.part(0, cut), most_delay)
     if model is None:
         return None
     found = judged(record, model, reversal_error(record.part(0, cut), model))
@@ -141,20 +143,36 @@ def part_explained(position: Float[np.ndarray, " T"], output: Float[np.ndarray, 
     return 1 - float(np.var(speed(position - output))) / variance if variance > 0 else 0.0
 
 
-def _gain_and_delay(record: AxisRecord, most_delay: int) -> AxisModel | None:
-    """Gains of one sign behind the delay that leaves the least of the position."""
+def _gain_and_lag(record: AxisRecord, most_delay: int) -> AxisModel | None:
+    """Gains of one sign and the delay that leave the least of the position, behind a lag if any.
+
+    The pole of the lag is looked for on grids of its time constant, each around the last one's.
+    """
     u, y = record.command - record.command[0], record.position - record.position.mean()
     sign = float(np.sign(u @ y)) or 1.0
     brakes = np.append(0.0, record.drags[0][:-1])
-    brakes -= brakes.mean()
-    found = []
-    for delay in range(most_delay + 1):
-        columns = np.stack([np.append(np.zeros(k), u[:-k]) for k in (delay + 1, delay + 2)], axis=1)
-        columns = np.column_stack([sign * (columns - columns.mean(axis=0)), brakes])
-        gains, left = nnls(columns, y)
-        found.append((left, delay, sign * gains[:2]))
-    _, delay, gains = min(found, key=lambda one: one[0])
-    return AxisModel(np.zeros(0), gains, 0, delay, record.dt) if gains.any() else None
+
+    def best(pole: float) -> tuple[float, int, np.ndarray]:
+        drive, held = (lfilter([1.0], [1.0, -pole], one) for one in (sign * u, brakes))
+        held -= held.mean()
+        found = []
+        for delay in range(most_delay + 1):
+            columns = [np.append(np.zeros(k), drive[:-k]) for k in (delay + 1, delay + 2)]
+            columns = np.stack([*(one - one.mean() for one in columns), held], axis=1)
+            gains, left = nnls(columns, y)
+            found.append((left, delay, sign * gains[:2]))
+        return min(found, key=lambda one: one[0])
+
+    constants = np.geomspace(record.dt, SLOWEST * len(y) * record.dt, LAGS)
+    gain, tried = best(0.0), []
+    for _ in range(FINER):
+        tried += [(*best(pole), pole) for pole in np.exp(-record.dt / constants)]
+        least = -record.dt / np.log(min(tried, key=lambda one: one[0])[3])
+        ratio = constants[1] / constants[0]
+        constants = np.geomspace(least / ratio, least * ratio, LAGS)
+    lag = min(tried, key=lambda one: one[0])
+    left, delay, gains, *poles = lag if lag[0] * TELLS < gain[0] else gain
+    return AxisModel(-np.array(poles), gains, 0, delay, record.dt) if gains.any() else None
 
 
 @dataclass(frozen=True)

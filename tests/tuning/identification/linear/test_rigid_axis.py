@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import loadmat
+from scipy.signal import lfilter
 
 from jcontour.plants import emps
 from tests.app.machines.test_emps_record import emps_record
@@ -58,6 +59,23 @@ def test_a_drive_that_follows_late_by_parts_of_a_sample():
     found = found_of(AxisRecord(DT, command, late), 1e-6, 5)
     assert found.fit.model.delay == 2 and found.fit.drag[0] < 1e-5 * np.ptp(command)
     assert found.fit.model.numerator == pytest.approx([6e-4, 1.4e-3], rel=1e-2)
+    assert found.explained > 0.9999
+
+
+def test_a_drive_that_follows_behind_a_lag_and_parts_of_a_sample():
+    """18 ms and 1.5 ms: b_1 = 1 - exp(-0.5 / 18), b_2 = exp(-0.5 / 18) - exp(-1 / 18)."""
+    command = moves(8000)
+    parts = 1 - np.exp(-DT / 2 / 0.018), np.exp(-DT / 2 / 0.018) - np.exp(-DT / 0.018)
+    pole = float(np.exp(-DT / 0.018))
+    position = command[0] + lfilter([0, 0, *parts], [1.0, -pole], command - command[0])
+    position = 1e-6 * np.round(position / 1e-6)
+    found = found_of(AxisRecord(DT, command, position), 1e-6, 5)
+    model = found.fit.model
+    assert model.poles.real == pytest.approx([pole], abs=1e-4) and model.integrators == 0
+    assert model.delay == 1 and model.numerator == pytest.approx(parts, rel=0.1)
+    hertz = np.array([0.5, 5.0, 20.0])
+    true = AxisModel(np.array([-pole]), np.array(parts), 0, 1, DT).response(2 * np.pi * hertz)
+    assert np.abs(model.response(2 * np.pi * hertz) / true - 1).max() < 5e-3
     assert found.explained > 0.9999
 
 
