@@ -54,9 +54,6 @@ DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time const
 def command(flags: Identify) -> int:
     """Read, fit, check, store and print; exit code."""
     _check(flags)
-    from jcontour.app.reports.figures.axes import save_figures
-    from jcontour.app.reports.figures.identification import figures
-
     if flags.demo:
         flags = replace(flags, control_unit="V")
     if flags.data is None:
@@ -92,6 +89,9 @@ def command(flags: Identify) -> int:
             folder / DATA,
             lambda temporary: np.savetxt(temporary, rows, "%.10g", ",", header=head, comments=""),
         )
+    from jcontour.app.reports.figures.axes import save_figures  # not before what may refuse
+    from jcontour.app.reports.figures.identification import figures
+
     save_figures(figures(flags.control_unit), machine, folder)
     result = _result(flags, log, source, machine)
     write_result(folder, result)
