@@ -45,7 +45,8 @@ def test_an_export_of_a_scope_with_times_for_each_group_of_channels(tmp_path):
     """As TwinCAT writes it, rows of numbers among those of text above the channels."""
     path = tmp_path / "scope.csv"
     above = "Name\tscope\nStart\t1329\tMontag, 2. Mai\n\nName\tx_cmd\tName\tx_pos\n"
-    above += "SampleTime[ms]\t1\tSampleTime[ms]\t1\n" * 6
+    above += "SampleTime[ms]\t1\tSampleTime[ms]\t1\nSymbolName\tX\tSymbolName\tY\n"
+    above += "Offset\t0\tOffset\t0\n" * 6
     path.write_text(f"{above}\n0\t0,5\t0\t1\n1\t0,6\t1\t1,5\n")
     table = read_table(path)
     assert list(table) == ["time_ms", "x_cmd", "time_ms_1", "x_pos"]

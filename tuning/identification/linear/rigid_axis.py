@@ -153,8 +153,8 @@ def _gain_and_lag(record: AxisRecord, most_delay: int) -> AxisModel | None:
     brakes = np.append(0.0, record.drags[0][:-1])
 
     def best(pole: float) -> tuple[float, int, np.ndarray]:
-        drive, held = (lfilter([1.0], [1.0, -pole], one) for one in (sign * u, brakes))
-        held -= held.mean()
+        drive, held = (np.asarray(lfilter([1.0], [1.0, -pole], one)) for one in (sign * u, brakes))
+        held = held - held.mean()
         found = []
         for delay in range(most_delay + 1):
             columns = [np.append(np.zeros(k), drive[:-k]) for k in (delay + 1, delay + 2)]
