@@ -70,15 +70,23 @@ class AxisModel:
     ) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s 1"], Float[np.ndarray, "1 s"]]:
         """A, B, C of the axis with `line` samples of delay.
 
-        Observer form: x_1 is the position, x_2.. what past outputs and commands still bring, and
-        the delayed commands come last. Scaled so that neither B nor C is tiny.
+        Observer form in d = (z - 1) / h, h the distance of the farthest pole from one: poles of an
+        axis that is sampled fast lie close to one, and powers of z hardly tell them apart
+        (Middleton & Goodwin, Digital Control and Estimation, 1990). x_1 is the position, and the
+        delayed commands come last.
         """
-        below, size = self.below[1:], max(self.order, len(self.numerator))
+        size = max(self.order, len(self.numerator))
+        away, late = self.poles - 1, np.zeros(size - self.order)  # these have ended in a sample
+        h = float(np.max(np.abs(away), initial=0.0)) or 1.0
+        slow = np.zeros(self.integrators)
+        below = np.real(np.poly(np.concatenate([away, slow, late - 1]) / h))
+        above, last = np.zeros(1), size - len(self.numerator)
+        for number in [*self.numerator, *np.zeros(last)]:  # Horner's rule in 1 + h d
+            above = np.polyadd(np.polymul(above, [h, 1.0]), [number])
         A = np.zeros((size + line, size + line))
-        A[: len(below), 0] = -below
-        A[: size - 1, 1:size] += np.eye(size - 1)
-        column = np.zeros(size)
-        column[: len(self.numerator)] = self.numerator
+        A[:size, :size] = np.eye(size) + h * np.eye(size, k=1)
+        A[:size, 0] -= h * below[1:]
+        column = np.pad(above, (size, 0))[-size:] * h ** (1 - size)
         B = np.zeros((size + line, 1))
         if line:
             A[:size, size + line - 1] = column

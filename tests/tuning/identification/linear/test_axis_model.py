@@ -33,6 +33,19 @@ def test_the_realisation_answers_as_the_transfer_function(line):
     assert np.allclose(y[:, 0], lfilter(whole.above, whole.below, late), rtol=1e-10)
 
 
+def test_the_realisation_of_an_axis_that_is_sampled_fast():
+    """Its integrator stays one: of powers of z rounding would move it by 1e-8 here."""
+    poles = np.array([0.9996, 0.9994, *(0.9995 * np.exp(np.array([1j, -1j]) * 0.02))])
+    zeros = 0.999 * np.exp(np.array([1j, -1j]) * 0.015)
+    below, above = np.real(np.poly(poles))[1:], 1e-9 * np.real(np.poly(zeros))
+    A, B, C = AxisModel(below, above, 1, 2, DT).realisation(2)
+    assert np.abs(np.linalg.eigvals(A) - 1).min() < 1e-14
+    z = np.exp(2j * np.pi * np.array([0.1, 1.0, 20.0]) * DT)
+    answer = [(C @ np.linalg.solve(one * np.eye(len(A)) - A, B)).item() for one in z]
+    factors = np.prod(z[:, None] - zeros, axis=1) / np.prod(z[:, None] - poles, axis=1) / (z - 1)
+    np.testing.assert_allclose(answer, 1e-9 * factors, rtol=1e-5)
+
+
 def test_slopes_of_the_logarithm():
     w, step = np.array([20.0, 400.0]), 1e-7
     value, slopes = MODEL.log_terms(w)
