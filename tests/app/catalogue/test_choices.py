@@ -258,6 +258,17 @@ def test_a_reversed_friction_leaves_a_mode_calm(tmp_path, machine_fields):
     assert rings(controls) < 0.1 * rings(jump)
 
 
+def test_a_machine_that_is_sampled_faster_is_looked_ahead_as_long(tmp_path, machine_fields):
+    """5 ms where that is more than 10 samples; a number that is given stays."""
+    (tmp_path / "fast.json").write_text(json.dumps(machine_fields | {"dt": 0.25e-3}))
+    fast, slow = machine_named(str(tmp_path / "fast.json")), machine_named("xy-table")
+    previews = [
+        design_for(machine, Simulate(controller="contouring-lq", preview=given)).preview
+        for machine, given in ((fast, None), (fast, 10), (slow, None))
+    ]
+    assert previews == [20, 10, 10]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "given", "unread"),
