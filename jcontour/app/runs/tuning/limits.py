@@ -99,6 +99,9 @@ def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -
     """Bound on the RMS control, as a multiple of what the start needs.
 
     None where the RMS control is bounded otherwise, or neither flags nor machine ask for it.
+
+    Raises:
+        ValueError: two limits of the RMS control, or a loop that diverges with the start.
     """
     effort = flags.max_effort
     if effort is not None and flags.max_rms_control is not None:
@@ -110,7 +113,13 @@ def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -
     effort = effort or usual.effort
     if effort is None or flags.max_rms_control is not None:
         return {}
-    return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
+    needed = float(np.max(start_metrics(problem, start).rms_control))
+    if not np.isfinite(needed):
+        raise ValueError(
+            "max-effort: the loop diverges with the first weights, so no effort is known; "
+            "give others with --weights, or --max-rms-control"
+        )
+    return {"rms_control": effort * needed}
 
 
 def start_metrics(problem: Problem, start: Weights) -> Metrics:

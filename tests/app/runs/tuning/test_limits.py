@@ -1,5 +1,7 @@
 """Limits of the flags: their units, and what is no limit."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from jcontour.app.runs.tuning.limits import (
     AT_REST,
     FREQUENCIES,
     LIMITS,
+    effort_limit,
     family_curves,
     family_peaks,
     lag_limit,
@@ -52,6 +55,15 @@ def test_what_is_no_limit_is_told_by_its_flag(flag, value):
     of = ratio_limit if flag == "max_error_ratio" else named_limits
     with pytest.raises(ValueError, match=f"^{flag.replace('_', '-')}: a limit needs to be finite"):
         of(Tune(**{flag: value}))
+
+
+def test_no_effort_is_counted_from_a_start_that_diverges(monkeypatch):
+    first = SimpleNamespace(rms_control=np.array([[0.5, 2.0]]))
+    monkeypatch.setattr("jcontour.app.runs.tuning.limits.start_metrics", lambda *_: first)
+    assert effort_limit(Tune(max_effort=1.2), None, None, {}) == {"rms_control": 2.4}
+    first.rms_control[0, 0] = np.nan
+    with pytest.raises(ValueError, match="diverges with the first weights"):
+        effort_limit(Tune(max_effort=1.2), None, None, {})
 
 
 @pytest.mark.parametrize(("lag", "wanted"), [(5.0, 5 * 10e-6), (500.0, np.sqrt(2) * 1e-3 / 2)])
