@@ -29,7 +29,7 @@ def test_what_was_measured_is_behind_each_control():
     lines = {**measured([5.0], [5.0, 50.0]), "real": [[0.1], [0.0, 0.2]]}
     fields = {**FIELDS, "uncertainty": {"measured": lines}}
     first, second = machine_from(json.dumps(fields).encode()).measured
-    assert first.half_width.tolist() == [0.1] and second.half_width.tolist() == [0.0, 0.2]
+    assert first.error.tolist() == [0.1] and second.error.tolist() == [0.0, 0.2]
     assert second.frequency == pytest.approx(2 * np.pi * FIELDS["dt"] * np.array([5.0, 50.0]))
     assert machine_from(json.dumps(FIELDS).encode()).measured == ()
 
