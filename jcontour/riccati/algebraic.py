@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import is_concrete
 from jcontour.linear.plant import spectral_radius
-from jcontour.linear.small_matrices import small_inverse
+from jcontour.linear.small_matrices import small_inverse, small_solve
 
 # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
 DOUBLINGS = 20
@@ -27,7 +27,7 @@ def dare(
 
     def double(carry, _):
         A_k, G, H = carry
-        W = small_inverse(identity + G @ H)
+        W = small_solve(identity + G @ H, identity)
         AW = A_k @ W
         G_next = G + AW @ G @ A_k.T
         H_next = H + A_k.T @ H @ W @ A_k

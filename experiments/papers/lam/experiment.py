@@ -158,8 +158,7 @@ def traced(machine: Plant, contour: Contour, progress: float) -> tuple[Outcome, 
     controller = MPCC(
         xy_table(PERIOD),
         contour,
-        -LARGEST_CURRENT,
-        LARGEST_CURRENT,
+        (-LARGEST_CURRENT, LARGEST_CURRENT),
         weights=ContouringWeights(progress=progress),
     )
     reference = along(contour, np.zeros(int(LONGEST / SAMPLE)), SAMPLE, 0, at_rest=True)

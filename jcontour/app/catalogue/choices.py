@@ -167,7 +167,7 @@ def _against_friction(design: Design, machine: Machine) -> Design:
         coulomb=coulomb,
         limit=np.inf if limit is None else limit,
         ahead=ahead,
-        hold_after=settled,
+        hold_after=settled + ahead,  # it stands where the tool is to be that far ahead
         turning=turning,
     )
     each = ", ".join(f"{one:.6g}" for one in coulomb)

@@ -115,10 +115,12 @@ def _under_scope(
 ) -> dict[int, np.ndarray]:
     """Rows of samples; channels of several rates, each with its times, are refused."""
     stamped = [k for k, name in enumerate(heads) if name.startswith("time_ms") and k in columns]
-    words = np.array([[str(cell) for cell in columns[k]] for k in stamped])
+    words = np.array([[str(cell) for cell in columns[k]] for k in stamped], dtype=str)
     times = pd.DataFrame(np.char.replace(words, ",", ".") if comma else words).T
     stamps = times.apply(pd.to_numeric, errors="coerce").to_numpy()
-    rows = np.isfinite(stamps).any(axis=1)
+    rows = np.isfinite(stamps).any(axis=-1)
+    if not rows.any():
+        raise ValueError(f"{path}: holds no samples below the names of its channels")
     if np.any(stamps[rows] != stamps[rows][:, :1]):
         raise ValueError(f"{path}: its channels have several rates; export those of one rate alone")
     return {k: column[rows] for k, column in columns.items()}

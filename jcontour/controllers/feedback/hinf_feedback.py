@@ -33,7 +33,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour.controller import Controller, check_limit, numbers
 from jcontour.controllers.feedback.state_feedback import TargetPlan, accelerated_targets
 from jcontour.linear.plant import LinearPlant, spectral_radius
-from jcontour.linear.small_matrices import small_inverse, small_solve
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import DOUBLINGS
 from jcontour.sensors import row
@@ -141,15 +141,15 @@ def central_controller(plant: Generalised, gamma: Float[Array, ""]) -> tuple[Cen
     pivot = -(M[:w, :w] - M_uw.T @ small_solve(M_uu, M_uw))
     worst = small_solve(pivot, row[:w] - M_uw.T @ small_solve(M_uu, row[w:]))
     T, N = jnp.linalg.cholesky(M_uu), jnp.linalg.cholesky(pivot)
-    inwards = small_inverse(N).T  # w = w* + N^-T r
-    back = small_inverse(T)
+    inwards = small_solve(N, jnp.eye(w)).T  # w = w* + N^-T r
+    back = small_solve(T, jnp.eye(inputs))
     A_t, C_t, B_t, D_t = A + B1 @ worst, C2 + D21 @ worst, B1 @ inwards, D21 @ inwards
     wanted, direct = back @ (row[w:] + M_uw @ worst), back @ M_uw @ inwards
     C, E = jnp.concatenate([wanted, C_t]), jnp.concatenate([direct, D_t])
     one = jnp.diag(jnp.concatenate([jnp.ones(inputs), jnp.zeros(C2.shape[0])]))
     Y, S, column = _stationary(A_t.T, C.T, B_t @ B_t.T, B_t @ E.T, E @ E.T - one)
     S_yy, S_uy = S[inputs:, inputs:], S[:inputs, inputs:]
-    at_y = small_inverse(S_yy)
+    at_y = small_solve(S_yy, jnp.eye(len(S_yy)))
     missed = S_uy @ at_y @ S_uy.T - S[:inputs, :inputs]
     law = Central(A_t, B2, C_t, -back.T @ wanted, -back.T @ S_uy @ at_y, column[inputs:].T @ at_y)
     loops = A - B @ small_solve(M, row), A_t - column.T @ small_solve(S, C)

@@ -138,7 +138,8 @@ class FrictionFeedforward(Wrapper):
             friction would make them break loose again and again. None are when zero.
 
     Raises:
-        ValueError: the gain is negative or not finite, or a limit is not above zero.
+        ValueError: the gain is negative or not finite, a limit is not above zero, or there are
+            fewer samples.
     """
 
     controller: Controller
@@ -151,6 +152,11 @@ class FrictionFeedforward(Wrapper):
     def __check_init__(self):
         check_limit(self.limit)
         check_signs(self, not_negative=("coulomb",))
+        if self.ahead < 0 or self.turning < 1:
+            raise ValueError(
+                "ahead, turning: need at least 0 and 1 samples, "
+                f"received {self.ahead} and {self.turning}"
+            )
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]

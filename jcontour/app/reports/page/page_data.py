@@ -91,12 +91,13 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     """
     result = stored_result(folder)
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
-    command, words = settings["command"], settings["command_line"]
-    at = words.index("--out") if "--out" in words else len(words)
+    command = settings["command"]
     tuned = result if isinstance(result, TunedResult) else None
     verdict = result.verdict
     unit = result.machine.control_unit
     try:
+        words = settings["command_line"]
+        at = words.index("--out") if "--out" in words else len(words)
         tried, margins, drives = [], [], {}
         if tuned is not None:
             tried = _tried(folder)

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from jcontour.app.catalogue.choices import set_of
 from jcontour.app.designs.design import given
 from jcontour.app.designs.predictive import (
+    LONGEST_HORIZON,
     PREDICTIVE,
     HostedRun,
     PredictiveDesign,
@@ -86,7 +87,10 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
             raise ValueError(f"weights: {flags.controller} has no weight {name!r}; it has {known}")
     feed = flags.feed_mm_per_min
     speed = round(kind.share * 1e3 * speed_limit(machine), 6) if feed is None else feed / 60
-    design = PredictiveDesign(weights, flags.horizon(machine.model.dt), speed)
+    horizon = flags.horizon(machine.model.dt)
+    if flags.preview is None:
+        horizon = min(horizon, LONGEST_HORIZON)
+    design = PredictiveDesign(weights, horizon, speed)
     hosted, failure = kind.hosted(machine, job.contour, design), ""
     hosted.controller.initial_memory(hosted.reference)  # raises what does not fit
     try:

@@ -96,7 +96,8 @@ def swept_of(flags: Sweep) -> Swept:
     jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
     values = sampled_values(flags, design_for(machine, flags).tunable())
     # previews that make different controllers: all of them for LQ, one for a cascade
-    previews = [_design(flags, machine, preview).preview for preview in flags.previews]
+    designs = {preview: _design(flags, machine, preview) for preview in flags.previews}
+    previews = [k if "preview" in one.reads else one.preview for k, one in designs.items()]
     flags = replace(flags, previews=tuple(dict.fromkeys(previews)))
     asked = Swept(flags, machine, jobs, values)
     noise_limit(flags, machine, asked.design(flags.previews[0]))

@@ -114,6 +114,8 @@ def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -
     if effort is None or flags.max_rms_control is not None:
         return {}
     needed = float(np.max(start_metrics(problem, start).rms_control))
+    if not np.isfinite(needed) and flags.max_effort is None:
+        return {}  # the search has to stabilise the loop first
     if not np.isfinite(needed):
         raise ValueError(
             "max-effort: the loop diverges with the first weights, so no effort is known; "

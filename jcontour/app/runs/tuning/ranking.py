@@ -168,6 +168,8 @@ def _row(ranking: Ranking, name: str, place: Path, console: Console) -> Ranked:
                 show(state)
         tuned = result(run.problem, run.start, state)  # raises where every point diverged
         return _tried(run, tuned, Ranked(label=name))
+    except run_folder.RunError:  # of its files, not of the controller
+        raise
     except ValueError as error:
         return Ranked(label=name, failure=str(error))
 
