@@ -105,7 +105,8 @@ def safe_limits(
     times that of the run, at least at 0.2 mm. A measurement that moves half as quick again as the
     speed limit has jumped. One that stays is frozen: while 20 counts, at least 50 um, are
     commanded, while the control behind it changes by a fifth of its limit, or for 20 samples by a
-    fiftieth of it and by more than friction explains.
+    fiftieth of it and by more than friction explains. A control that goes back to zero, as at the
+    end of braking, pushes nothing.
 
     Args:
         stated: what is known.
