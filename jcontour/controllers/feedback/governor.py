@@ -29,7 +29,7 @@ from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, check_preview
 from jcontour.controllers.feedback.state_feedback import moving_target
 from jcontour.linear.plant import LinearPlant
-from jcontour.linear.small_matrices import small_inverse
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.qp.interior_point import solve
 from jcontour.qp.staged import StagedQP
@@ -110,7 +110,7 @@ def governed_loop(
     _, rows = jax.lax.scan(sample_on, start, length=steps + 1)
     by_state, by_command = (one.reshape(-1, one.shape[2]) for one in rows)
     rest = (H @ target.state + L) / (1 - INSIDE)
-    settled = small_inverse(jnp.eye(n) - loop)
+    settled = small_solve(jnp.eye(n) - loop, jnp.eye(n))
     return GovernedLoop(
         K,
         feed,

@@ -22,7 +22,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, Wrapper, check_limit, check_period
 from jcontour.linear.plant import LinearPlant, check_stable
-from jcontour.linear.small_matrices import small_inverse
+from jcontour.linear.small_matrices import small_solve
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.sensors import row
@@ -269,7 +269,7 @@ def _designed(A, B, C, control_noise, measurement_noise):
     B = B * jnp.atleast_2d(control_noise) / unit
     W, V = B @ B.T, jnp.diag((deviation / unit) ** 2)
     PC = dare(A.T, C.T, W, V) @ C.T
-    return (A.T, C.T, W, V), PC @ small_inverse(C @ PC + V)
+    return (A.T, C.T, W, V), small_solve((C @ PC + V).T, PC.T).T
 
 
 def offset_free_gain(
