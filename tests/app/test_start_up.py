@@ -5,6 +5,9 @@ import subprocess
 import sys
 from importlib.metadata import version
 
+import numpy as np
+import pytest
+
 
 def test_help_imports_nothing_heavy():
     script = (
@@ -36,6 +39,23 @@ def test_a_program_that_excites_is_written_without_jax(tmp_path):
         "import sys\nfrom jcontour.app.cli import main\n"
         f"assert main({words}) == 0\n"
         "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(("rows", "loaded"), [(300, set()), (2000, {"scipy"})])
+def test_a_log_is_refused_without_jax(rows, loaded, tmp_path):
+    """One that is too short, and noise that no command explains."""
+    values = np.random.default_rng(0).standard_normal((rows, 2))
+    table = np.column_stack([1e-3 * np.arange(rows), values])
+    log = tmp_path / "log.csv"
+    np.savetxt(log, table, delimiter=",", header="time_s,x_command,x_position_mm", comments="")
+    script = (
+        "import sys\nfrom jcontour.app.cli import main\n"
+        f"assert main(['identify', {str(log)!r}, '--axes', 'X']) == 2\n"
+        f"heavy = {{'jax', 'matplotlib', 'xarray', 'pydantic', 'scipy'}} & set(sys.modules)\n"
+        f"assert heavy == {loaded}, heavy"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

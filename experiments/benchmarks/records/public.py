@@ -25,8 +25,8 @@ from jcontour.app.machines.identified import axis_result
 from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.plants import emps
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 from tuning.identification.linear.output_error import AxisRecord
 from tuning.identification.linear.rigid_axis import simplest
 from tuning.identification.linear.validation import resolution_of

@@ -43,8 +43,8 @@ from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.metrics import score_signals
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 
 MOST_POLES, MOST_DELAY = 5, 10
 PERIODS = (1e-3, 0.25e-3)  # [s]

@@ -6,8 +6,8 @@ from jaxtyping import Float
 
 from jcontour.app.machines.identified import axis_result
 from jcontour.plants import emps
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 
 DT, ROWS = emps.SAMPLE_PERIOD, 24_000
 

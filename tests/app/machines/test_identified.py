@@ -9,8 +9,8 @@ from jcontour.app.machines.identified import _thinned, axis_result, counts, larg
 from jcontour.app.runs.tuning.results import _unmeasured
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 
 DT = 1e-3
 HERTZ, DAMPING = 45.0, 0.08

@@ -1,29 +1,23 @@
 """What a record of a machine says: its axes, their models, and how sure they are."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import block_diag
 
-from jcontour.linear.plant import LinearPlant
 from tuning.identification.linear import validation
+from tuning.identification.linear.machine_record import MachineRecord
 from tuning.identification.linear.output_error import AxisFit
 from tuning.identification.linear.validation import Estimate
+
+if TYPE_CHECKING:  # a record that is refused loads no JAX
+    from jcontour.linear.plant import LinearPlant
 
 FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
 RESONANT = 100.0  # [Hz] up to which a drive may ring; of a slow clock what its rate allows
 OF_RATE = 0.1  # of the sampling rate
-
-
-@dataclass(frozen=True)
-class MachineRecord:
-    """Commands and positions of all axes."""
-
-    dt: float  # sample period [s]
-    axes: tuple[str, ...]  # names
-    command: Float[np.ndarray, "T axes"]  # (T, axes) [command unit]
-    position: Float[np.ndarray, "T axes"]  # (T, axes) [m]
 
 
 @dataclass(frozen=True)
@@ -81,8 +75,10 @@ class IdentifiedMachine:
         """Samples of delay that all axes share."""
         return min(one.fit.model.delay for one in self.axes)
 
-    def plant(self) -> LinearPlant:
+    def plant(self) -> "LinearPlant":
         """Model of all axes side by side, without the delay that they share."""
+        from jcontour.linear.plant import LinearPlant
+
         shared = self.known_delay
         parts = [one.fit.model.realisation(one.fit.model.delay - shared) for one in self.axes]
         A, B, C = (block_diag(*matrices) for matrices in zip(*parts, strict=True))

@@ -13,44 +13,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from tuning.identification.linear import validation
-from tuning.identification.linear.diagnosis import (
-    POOR,
-    RUNS_AWAY,
-    beside,
-    follows,
-    friction_hides,
-    limits_of,
-    notes,
-    unexplained,
-    unusable,
-)
-from tuning.identification.linear.identified_axes import (
-    IdentifiedAxis,
-    IdentifiedMachine,
-    MachineRecord,
-)
-from tuning.identification.linear.nonparametric import (
-    NO_LINES,
-    averaged,
-    measured,
-    periodic_lines,
-    related,
-    response_of_lines,
-)
+from tuning.identification.linear import diagnosis, nonparametric, rigid_axis, validation
+from tuning.identification.linear.identified_axes import IdentifiedAxis, IdentifiedMachine
+from tuning.identification.linear.machine_record import MachineRecord
 from tuning.identification.linear.output_error import AxisFit, AxisRecord
-from tuning.identification.linear.rigid_axis import (
-    Judged,
-    Simple,
-    judged,
-    moves_of,
-    reversal_error,
-    simplest,
-)
-from tuning.identification.linear.validation import Estimate, Response, encoder_noise
+from tuning.identification.linear.rigid_axis import Judged, Simple, judged
+from tuning.identification.linear.validation import Estimate, Response
 from tuning.identification.linear.vector_fitting import FLOOR, fitted_to, joined
 
-FEWEST = 500  # samples
 LINES = 12  # that show a response
 HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
 MOSTLY, BLURRED = (
@@ -76,18 +46,18 @@ def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) ->
         most_delay: largest delay [samples].
 
     Raises:
-        ValueError: the record is too short, a signal does not change or is not finite, or no stable
-            model explains an axis.
+        ValueError: `MachineRecord.checked` refuses the record, or no stable model explains an axis.
     """
-    for k, name in enumerate(record.axes):
-        _check(name, record.command[:, k], record.position[:, k])
+    record.checked()
 
     def one(k: int) -> IdentifiedAxis:
         return _axis(record, k, most_poles, most_delay)
 
     with ThreadPoolExecutor(len(record.axes)) as pool:
         axes = list(pool.map(one, range(len(record.axes))))
-    return IdentifiedMachine(record, axes, [note for axis in axes for note in notes(axis)])
+    return IdentifiedMachine(
+        record, axes, [note for axis in axes for note in diagnosis.notes(axis)]
+    )
 
 
 def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> IdentifiedAxis:
@@ -98,44 +68,46 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
     """
     name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
     resolution = validation.resolution_of(one.position)
-    simple = simplest(one, resolution, most_delay)
-    excited = periodic_lines(one)
+    simple = rigid_axis.simplest(one, resolution, most_delay)
+    excited = nonparametric.periodic_lines(one)
     if len(excited.frequency) < LINES:
-        excited = NO_LINES
-        if (simple is None or simple.explained < HALF) and not related(one):
+        excited = nonparametric.NO_LINES
+        if (simple is None or simple.explained < HALF) and not nonparametric.related(one):
             for j, other in enumerate(record.axes):
-                if j != k and related(replace(one, position=record.position[:, j])):
+                if j != k and nonparametric.related(replace(one, position=record.position[:, j])):
                     raise ValueError(
                         f"{name}: its command moves {other}, not {name}: change their columns"
                     )
             raise ValueError(f"{name}: {_why(one, simple)}")
-    lines = excited if len(excited.frequency) or simple is None else measured(simple)
+    lines = excited if len(excited.frequency) or simple is None else nonparametric.measured(simple)
     found = None
     if simple is not None and (
         len(lines.frequency) < LINES or _enough(simple, lines, len(excited.frequency) > 0)
     ):
-        found = _simple(simple)
+        found = simple
     elif len(lines.frequency) >= LINES:
         worse = WORSE_THAN_LINES if len(excited.frequency) else WORSE_THAN_SPECTRA
         found = _fitted(one, lines, simple, most_poles, most_delay, worse)
         if found is None and simple is not None:
-            found, excited = _simple(simple), NO_LINES
+            found, excited = simple, nonparametric.NO_LINES
             if simple.fit.model.integrators:  # a loop around it bends them
-                lines = NO_LINES
-    away = validation.fastest_growth(one.command, one.position) > RUNS_AWAY
-    if found is None or found.explained <= (POOR if away else 0.0):
+                lines = nonparametric.NO_LINES
+    given = one.command, one.position
+    away = validation.fastest_growth(*given) > diagnosis.RUNS_AWAY
+    if found is None or found.explained <= (diagnosis.POOR if away else 0.0):
         raise ValueError(f"{name}: {_why(one, simple)}")
     fit = found.fit
     stands = float(np.mean(validation.speed_signs(one.position, resolution) == 0))
     estimate = validation.estimate_of(fit)
     sure = _friction(simple.estimate if simple and fit.model.integrators else estimate)
-    if why := unusable(found.explained, validation.dispersion(fit), stands, sure is not None):
-        shown = limits_of(one.command, one.position, one.dt) or follows(one.command, one.position)
-        raise ValueError(f"{name}: {shown or why + beside(simple)}")
+    dispersion = validation.dispersion(fit)
+    if why := diagnosis.unusable(found.explained, dispersion, stands, sure is not None):
+        shown = diagnosis.limits_of(*given, one.dt) or diagnosis.follows(*given)
+        raise ValueError(f"{name}: {shown or why + diagnosis.beside(simple)}")
     if len(excited.frequency):
-        lines = excited = averaged(excited, fit.model)
+        lines = excited = nonparametric.averaged(excited, fit.model)
     if len(lines.frequency) >= LINES:
-        response = response_of_lines(lines, fit.model)
+        response = nonparametric.response_of_lines(lines, fit.model)
     else:
         own = validation.response_of(fit, estimate)
         response = validation.as_excited(
@@ -154,10 +126,10 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         saturated=validation.saturated(one.command),
         coupling=_coupling(record, k, fit),
         gain=float(np.clip(response.half_width.min(), LEAST_GAIN, UNKNOWN_GAIN)),
-        dispersion=validation.dispersion(fit),
+        dispersion=dispersion,
         late=0 if len(excited.frequency) else 1,
         resolution=resolution,
-        encoder_noise=encoder_noise(fit, resolution),
+        encoder_noise=validation.encoder_noise(fit, resolution),
     )
 
 
@@ -171,20 +143,18 @@ def _friction(estimate: Estimate) -> tuple[float, float] | None:
 
 def _why(record: AxisRecord, simple: Simple | None) -> str:
     """Why nothing explains a record."""
-    limited = limits_of(record.command, record.position, record.dt)
-    limited = limited or friction_hides(record.command, simple)
-    return limited or f"{unexplained(record.command, record.position)}{beside(simple)}"
-
-
-def _simple(simple: Simple) -> Judged:
-    return Judged(simple.record, simple.fit, simple.held_out, simple.explained)
+    given = record.command, record.position
+    limited = diagnosis.limits_of(*given, record.dt)
+    limited = limited or diagnosis.friction_hides(record.command, simple)
+    return limited or diagnosis.unexplained(*given) + diagnosis.beside(simple)
 
 
 def _enough(simple: Simple, lines: Response, excited: bool) -> bool:
     """Whether a simple model explains the lines; those of spectra are blurred by their windows."""
     G = simple.fit.model.response(2 * np.pi * lines.frequency)
     inside = np.abs(G / lines.value - 1) < lines.half_width
-    return simple.explained > POOR and bool(np.mean(inside) > (MOSTLY if excited else BLURRED))
+    part = float(np.mean(inside))
+    return simple.explained > diagnosis.POOR and part > (MOSTLY if excited else BLURRED)
 
 
 def _fitted(
@@ -201,7 +171,7 @@ def _fitted(
     Lines of spectra are bent by feedback, and a trajectory that repeats is no period of the record.
     """
     latest = max(most_delay, round(LATEST / record.dt))
-    if simple is None or simple.explained < POOR:
+    if simple is None or simple.explained < diagnosis.POOR:
         models = (fitted_to(lines, record.dt, most_poles, latest, (i,)) for i in (0, 1))
         return max((judged(record, one) for one in models), key=lambda one: one.explained)
     integrators = simple.fit.model.integrators
@@ -212,10 +182,10 @@ def _fitted(
         drag = simple.fit.drag
     else:
         model = fitted_to(lines, record.dt, most_poles, latest, (0,))
-        slow = moves_of(simple.record, model, below)
+        slow = rigid_axis.moves_of(simple.record, model, below)
         floor = np.repeat([0.0, FLOOR], [len(below), len(lines.frequency)])
         model = fitted_to(joined(slow, lines), record.dt, most_poles, latest, (0,), floor)
-        drag = reversal_error(simple.record, model)
+        drag = rigid_axis.reversal_error(simple.record, model)
     found = judged(simple.record, model, drag)
     alone = judged(simple.record, simple.fit.model, simple.fit.drag)
     if 1 - found.explained > worse * (1 - alone.explained):
@@ -223,7 +193,7 @@ def _fitted(
     if not integrators:
         return found
     # it sticks where a linear model does not
-    return Judged(simple.record, found.fit, simple.held_out, simple.explained)
+    return Judged(simple.record, found.fit, simple.output, simple.explained)
 
 
 def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
@@ -236,13 +206,3 @@ def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
         chance = float(f_distribution.sf(number, count, len(fit.errors)))
         found[name] = part if chance < LEVEL else 0.0
     return found
-
-
-def _check(name: str, command: np.ndarray, position: np.ndarray) -> None:
-    if len(command) < FEWEST:
-        raise ValueError(f"{name}: needs at least {FEWEST} samples, received {len(command)}")
-    for what, values in (("command", command), ("position", position)):
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name}: the {what} holds NaN or inf")
-        if np.ptp(values) == 0:
-            raise ValueError(f"{name}: the {what} never changes, so nothing can be seen")

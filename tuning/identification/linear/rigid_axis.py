@@ -46,17 +46,6 @@ INERT = 10.0  # time constant over the length of a record that shows no viscous 
 
 
 @dataclass(frozen=True)
-class Simple:
-    """A simple model of an axis."""
-
-    record: AxisRecord  # with the signs of friction, where the model has it
-    fit: AxisFit  # on the whole record
-    estimate: Estimate  # of its coefficients, by blocks of the record
-    held_out: Float[np.ndarray, " R"]  # position from the command alone over the rest [m]
-    explained: float  # part of the variance of the speed there
-
-
-@dataclass(frozen=True)
 class Judged:
     """A model on a record."""
 
@@ -65,6 +54,13 @@ class Judged:
     # position from the command alone over the rest, which it was not told from [m]
     output: Float[np.ndarray, " R"]
     explained: float  # part of the variance of the speed there
+
+
+@dataclass(frozen=True)
+class Simple(Judged):
+    """A simple model of an axis."""
+
+    estimate: Estimate  # of its coefficients, by blocks of the record
 
 
 def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
@@ -88,8 +84,7 @@ def _follows(record: AxisRecord, resolution: float, most_delay: int) -> Simple |
     if model is None:
         return None
     found = judged(record, model, reversal_error(record.part(0, cut), model))
-    estimate = validation.estimate_of(found.fit)
-    return Simple(record, found.fit, estimate, found.output, found.explained)
+    return Simple(*vars(found).values(), validation.estimate_of(found.fit))
 
 
 def reversal_error(record: AxisRecord, model: AxisModel) -> Float[np.ndarray, " 1"]:
@@ -226,7 +221,7 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     dragged = replace(record, drags=(signs, np.ones(len(signs))))
     drag = np.array([whole.values[2], -whole.values[3]])
     fit = with_slopes(dragged, whole.model(record.dt), drag)
-    return Simple(dragged, fit, whole.estimate(record.dt), output, explained)
+    return Simple(dragged, fit, output, explained, whole.estimate(record.dt))
 
 
 def _slidings(

@@ -4,19 +4,18 @@ import numpy as np
 import pytest
 
 from jcontour.app.cli import main
-from jcontour.app.commands.machines import identify
+from jcontour.app.commands.machines import identified_machine, identify
 from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.machines import Identify
+from jcontour.app.machines import identified
 from jcontour.app.machines.from_file import load_machine
 from jcontour.linear.continuous_axes import speed_axis
 from tests.app.small_runs import partly
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
-from tuning.identification.linear.identified_axes import (
-    IdentifiedAxis,
-    IdentifiedMachine,
-    MachineRecord,
-)
+from tuning.identification.linear import machine
+from tuning.identification.linear.identified_axes import IdentifiedAxis, IdentifiedMachine
+from tuning.identification.linear.machine_record import MachineRecord
 
 
 @pytest.fixture
@@ -68,8 +67,8 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(monkeypatch, 
     axes = [partly(IdentifiedAxis, name=name, resolution=1e-9) for name in ("X", "Y")]
     record = partly(MachineRecord, position=np.array([[0.0, 0.0], [1e-4, 1e-4]]))
     found = partly(IdentifiedMachine, axes=axes, record=record)
-    monkeypatch.setattr(identify, "identify_machine", lambda *_: found)
-    monkeypatch.setattr(identify, "machine_fields", lambda *_: {"A": [[1.0]]})
+    monkeypatch.setattr(machine, "identify_machine", lambda *_: found)
+    monkeypatch.setattr(identified, "machine_fields", lambda *_: {"A": [[1.0]]})
     folder = tmp_path / "run"
     assert main(["identify", "--demo", "--out", str(folder)]) == 2
     told = capsys.readouterr().err
@@ -94,8 +93,8 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(monkeypatch, 
 def test_wrong_units_are_questioned(dt, gain, speed, words):
     axis = partly(LinearAxisResult, name="X", gain=gain, integrators=1)
     largest = {"speed": [speed], "acceleration": [1.0]}
-    told = identify._period(dt)
-    told += identify._questions(Identify(control_unit="V"), [axis], largest)
+    told = identified_machine._period(dt)
+    told += identified_machine._questions(Identify(control_unit="V"), [axis], largest)
     assert len(told) == len(words)
     assert all(line.startswith(one) for line, one in zip(told, words, strict=True))
 

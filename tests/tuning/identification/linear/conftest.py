@@ -5,8 +5,8 @@ import pytest
 
 from jcontour.linear.continuous_axes import speed_axis
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 
 DT, ROWS = 1e-3, 8000
 

@@ -5,8 +5,8 @@ import pytest
 
 from tests.app.small_runs import partly
 from tuning.identification.linear.diagnosis import friction_hides, limits_of, notes, unusable
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 from tuning.identification.linear.output_error import AxisFit
 from tuning.identification.linear.rigid_axis import Simple
 

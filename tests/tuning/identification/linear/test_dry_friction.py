@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
 from tuning.identification.linear.output_error import AxisRecord
 
 DT, ROWS, COUNT, LATE = 1e-3, 9000, 1e-6, 1

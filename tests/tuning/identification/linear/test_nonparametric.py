@@ -163,7 +163,7 @@ def lines():
 def beside(record, model, drag):
     """A simple model of a record."""
     estimate = Estimate((), np.zeros(0), np.zeros((0, 0)))
-    return Simple(record, simulated(record, model, drag=drag), estimate, np.zeros(0), 1.0)
+    return Simple(record, simulated(record, model, drag=drag), np.zeros(0), 1.0, estimate)
 
 
 def impulse():
