@@ -175,7 +175,6 @@ MORE = 1.15  # times the largest speed, that a command asks for
 OFTEN = 0.02  # of the samples
 SPAN = 8  # samples over which a speed is taken
 LEVELS = np.linspace(0.2, 0.95, 16)  # of the largest command, at which it may be cut
-HELD, EVEN = 3, 0.8  # samples that are one; part of the changes that are so far apart
 FAST, MOSTLY = 0.8, 0.5  # of half the rate; of the power
 SURE = 0.3  # of what is left without a cut
 
@@ -192,7 +191,6 @@ def limits_of(
     """
     return (
         _at_rest(position, dt)
-        or _two_rates(command, position)
         or _aliased(command)
         or _speed_limit(command, position, dt)
         or _command_limit(command, position)
@@ -212,24 +210,6 @@ def _at_rest(position: np.ndarray, dt: float) -> str:
         f"model is judged by the last {100 * (1 - TRAINING):.0f} %: record moves all along, "
         "or give a step response to jcontour machine --steps"
     )
-
-
-def _two_rates(command: np.ndarray, position: np.ndarray) -> str:
-    """Of signals of which one is held over several samples of the other."""
-    held = [_samples_held(signal) for signal in (command, position)]
-    if max(held) < HELD or held[0] == held[1]:
-        return ""
-    return (
-        f"the command changes every {held[0]} samples of the log, the position every {held[1]}: "
-        "two rates; log both at the slower one, each at the same instant"
-    )
-
-
-def _samples_held(signal: np.ndarray) -> int:
-    """Samples between changes of a signal, where most are the same; else 1."""
-    gaps = np.diff(np.flatnonzero(np.diff(signal)))
-    usual = int(np.median(gaps)) if gaps.size else 1
-    return usual if np.mean(gaps == usual) > EVEN else 1
 
 
 def _aliased(command: np.ndarray) -> str:

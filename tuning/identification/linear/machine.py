@@ -48,16 +48,15 @@ def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) ->
     Raises:
         ValueError: `MachineRecord.checked` refuses the record, or no stable model explains an axis.
     """
-    record.checked()
+    record, slower = record.checked().at_own_rate()
 
     def one(k: int) -> IdentifiedAxis:
         return _axis(record, k, most_poles, most_delay)
 
     with ThreadPoolExecutor(len(record.axes)) as pool:
         axes = list(pool.map(one, range(len(record.axes))))
-    return IdentifiedMachine(
-        record, axes, [note for axis in axes for note in diagnosis.notes(axis)]
-    )
+    said = [note for axis in axes for note in diagnosis.notes(axis)]
+    return IdentifiedMachine(record, axes, slower + said)
 
 
 def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> IdentifiedAxis:

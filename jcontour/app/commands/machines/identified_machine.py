@@ -135,15 +135,15 @@ def _result(
     return LinearMachineResult(
         data=source,
         words=[*log.words, encoders],
-        samples=len(log.command),
-        dt=log.dt,
+        samples=len(machine.record.command),
+        dt=machine.record.dt,
         control_unit=flags.control_unit,
         axes=axes,
         limits=limits,
         gain=machine.gain,
         delay=machine.late,
         notes=[
-            *_period(log.dt),
+            *_period(machine.record.dt),
             *([] if any(log.angles) else lengths),
             *copied,
             *masses,

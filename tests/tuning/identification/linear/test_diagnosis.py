@@ -96,11 +96,6 @@ def test_swapped_axes_are_told():
         identify_machine(record, 1, 1)
 
 
-def test_two_rates_are_told():
-    held = SWEEP[np.arange(3000) // 10 * 10]
-    assert "the position every 10: two rates" in limits_of(SWEEP, held, DT)
-
-
 def test_an_axis_that_moves_at_the_beginning_alone_is_told():
     """A step whose answer is over after 2 of 30 s."""
     position = 1e-3 * (1 - np.exp(-TIME / 0.5))
