@@ -241,13 +241,14 @@ def _sliding(
     record: AxisRecord, signs: Float[np.ndarray, " T"], half: int, most_delay: int
 ) -> _Sliding | None:
     """Parameters behind one kernel; None where they are those of no machine."""
-    kernel = np.cos(np.pi / 2 * np.arange(-half, half + 1) / (half + 1)) ** 4
-    kernel /= kernel.sum()
-    rates = [kernel, np.gradient(kernel, record.dt)]
-    rates.append(np.gradient(rates[1], record.dt))
+    c, s = (fun(np.pi / 2 * np.arange(-half, half + 1) / (half + 1)) for fun in (np.cos, np.sin))
+    per_second = np.pi / 2 / ((half + 1) * record.dt)
+    kernel = c**4 / np.sum(c**4)
+    slope = -4 * per_second * c**3 * s / np.sum(c**4)
+    bend = 4 * per_second**2 * (3 * c**2 * s**2 - c**4) / np.sum(c**4)
 
     def regressors(position: np.ndarray, sign: np.ndarray) -> np.ndarray:
-        parts = (position, rates[2]), (position, rates[1]), (sign, kernel)
+        parts = (position, bend), (position, slope), (sign, kernel)
         columns = [fftconvolve(signal, one, "valid") for signal, one in parts]
         return np.stack([*columns, np.ones(len(columns[0]))], axis=1)
 

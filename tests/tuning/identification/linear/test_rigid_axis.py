@@ -52,6 +52,21 @@ def test_the_mass_and_the_friction_of_a_simulated_drive():
     assert found.explained > 0.999 and found.fit.model.delay <= 1
 
 
+def test_the_mass_of_a_slow_joint_whose_log_is_slow_too():
+    """u = m a + c v + f sign(v) + o of a sine of 0.1 Hz and 3 rad that is logged at 100 Hz."""
+    dt, w, (m, c, f, o) = 0.01, 2 * np.pi * 0.1, (0.53, 2.2, 1.36, 0.02)
+    time = dt * np.arange(6000)
+    speed, bend = 1.5 * w * np.cos(w * time), -1.5 * w**2 * np.sin(w * time)
+    position = 1e-5 * np.round((1.5 * np.sin(w * time) - 1.0) / 1e-5)
+    found = found_of(
+        AxisRecord(dt, m * bend + c * speed + f * np.sign(speed) + o, position), 1e-5, 3
+    )
+    assert gain(found) == pytest.approx(1 / c, rel=0.02)
+    assert -dt / np.log(found.fit.model.poles[0].real) == pytest.approx(m / c, rel=0.04)
+    assert found.estimate["friction"] == pytest.approx(f, rel=0.02)
+    assert found.estimate["offset"] == pytest.approx(-o, abs=0.01)
+
+
 def test_a_drive_that_follows_late_by_parts_of_a_sample():
     command = np.cumsum(np.random.default_rng(0).standard_normal(3000))
     late = 2e-3 * (0.3 * np.roll(command, 3) + 0.7 * np.roll(command, 4))
