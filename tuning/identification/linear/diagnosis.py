@@ -30,8 +30,10 @@ def follows(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"])
     )
 
 
-def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
-    """Why a stable model does not explain an axis."""
+def unexplained(
+    command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"], related: bool
+) -> str:
+    """Why a stable model does not explain an axis whose signals are `related`, or not."""
     if said := follows(command, position):
         return said
     pole = validation.fastest_growth(command, position)
@@ -40,8 +42,11 @@ def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " 
             f"what fits is unstable, it grows by {100 * (pole - 1):.2g} % a sample without its "
             "loop; only axes that stand still by themselves are identified"
         )
+    doubt = "are the columns those of one axis?"
+    if related:
+        doubt = "though the two are related: does a feedforward act that the log does not have?"
     return (
-        "the command does not explain the position; are the columns those of one axis? Otherwise "
+        f"the command does not explain the position; {doubt} Otherwise "
         "record a livelier program: jcontour identify --excite. Where dry friction takes much of "
         "the command, its long moves (G-code) tell more than its sines"
     )
@@ -99,7 +104,7 @@ def notes(axis: IdentifiedAxis) -> list[str]:
     if axis.unseen:
         shown = _up_to(axis.response.band[1])
         words = f"the response is known to 10 % {shown}; the record does not show whether the "
-        words += "axis rings above that. There"
+        words += f"axis rings {'above that' if axis.response.band[1] > 0 else 'at all'}. There"
         notes.append(
             f"{name}: {words} a resonance may be hidden that answers {validation.HIDDEN:g} times "
             "as much: tune recommends no loop whose complementary sensitivity exceeds "
@@ -122,8 +127,9 @@ def notes(axis: IdentifiedAxis) -> list[str]:
         )
     if axis.dispersion > 1:
         notes.append(
-            f"{name}: something acts that no linear model with this friction has: it pulls at the "
-            f"model {axis.dispersion:.3g} times as much as noise. The intervals allow for it"
+            f"{name}: something acts that this model lacks, as a resonance or other friction: it "
+            f"pulls at the model {axis.dispersion:.3g} times as much as noise; the intervals allow "
+            "for it"
         )
     if axis.hides_friction:
         notes.append(
@@ -165,7 +171,7 @@ def _advice(axis: IdentifiedAxis) -> str:
 
 
 def _up_to(hertz: float) -> str:
-    return f"up to {hertz:.3g} Hz" if np.isfinite(hertz) else "nowhere within 10 %"
+    return f"up to {hertz:.3g} Hz" if np.isfinite(hertz) else "nowhere"
 
 
 AT_REST = 0.02  # of the squared speed

@@ -77,7 +77,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
                     raise ValueError(
                         f"{name}: its command moves {other}, not {name}: change their columns"
                     )
-            raise ValueError(f"{name}: {_why(one, simple)}")
+            raise ValueError(f"{name}: {_why(one, simple, False)}")
     lines = excited if len(excited.frequency) or simple is None else nonparametric.measured(simple)
     found = None
     if simple is not None and (
@@ -94,14 +94,14 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
     given = one.command, one.position
     away = validation.fastest_growth(*given) > diagnosis.RUNS_AWAY
     if found is None or found.explained <= (diagnosis.POOR if away else 0.0):
-        raise ValueError(f"{name}: {_why(one, simple)}")
+        raise ValueError(f"{name}: {_why(one, simple, True)}")
     fit = found.fit
     stands = float(np.mean(validation.speed_signs(one.position, resolution) == 0))
     estimate = validation.estimate_of(fit)
     sure = _friction(simple.estimate if simple and fit.model.integrators else estimate)
     dispersion = validation.dispersion(fit)
     if why := diagnosis.unusable(found.explained, dispersion, stands, sure is not None):
-        shown = diagnosis.limits_of(*given, one.dt) or diagnosis.follows(*given)
+        shown = _limit(one, simple) or diagnosis.follows(*given)
         raise ValueError(f"{name}: {shown or why + diagnosis.beside(simple)}")
     if len(excited.frequency):
         lines = excited = nonparametric.averaged(excited, fit.model)
@@ -140,12 +140,16 @@ def _friction(estimate: Estimate) -> tuple[float, float] | None:
     return (value, deviation) if value > SURE * deviation else None
 
 
-def _why(record: AxisRecord, simple: Simple | None) -> str:
-    """Why nothing explains a record."""
-    given = record.command, record.position
-    limited = diagnosis.limits_of(*given, record.dt)
-    limited = limited or diagnosis.friction_hides(record.command, simple)
-    return limited or diagnosis.unexplained(*given) + diagnosis.beside(simple)
+def _why(record: AxisRecord, simple: Simple | None, related: bool) -> str:
+    """Why nothing explains a record whose command and position are `related`, or not."""
+    unexplained = diagnosis.unexplained(record.command, record.position, related)
+    return _limit(record, simple) or unexplained + diagnosis.beside(simple)
+
+
+def _limit(record: AxisRecord, simple: Simple | None) -> str:
+    """What of a record keeps a model from explaining it, friction included; else empty."""
+    limited = diagnosis.limits_of(record.command, record.position, record.dt)
+    return limited or diagnosis.friction_hides(record.command, simple)
 
 
 def _enough(simple: Simple, lines: Response, excited: bool) -> bool:

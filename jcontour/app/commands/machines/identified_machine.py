@@ -84,9 +84,10 @@ def axis_words(one: LinearAxisResult, control_unit: str) -> str:
     low, high = one.gain_interval
     measured = f", measured to {one.measured_to:.3g} Hz" if one.measured_to else ""
     known = f" +- {50 * (high - low) / abs(one.gain):.2g} %" if one.gain else ""
+    shown = f"to {one.shown_to:.3g} Hz" if np.isfinite(one.shown_to) else "to 10 % nowhere"
     return (
-        f"{words_of(one)}; gain {gain}{known}, delay {one.delay} samples, known to "
-        f"{one.shown_to:.3g} Hz{measured}, explains {100 * one.explained:.2f} %"
+        f"{words_of(one)}; gain {gain}{known}, delay {one.delay} samples, known "
+        f"{shown}{measured}, explains {100 * one.explained:.2f} %"
     )
 
 

@@ -111,3 +111,26 @@ def test_friction_that_takes_all_of_a_command_is_told():
         assert friction_hides(command, simple).startswith(words) and bool(
             friction_hides(command, simple)
         ) == bool(words)
+
+
+def test_a_feedforward_that_the_log_does_not_have_is_told():
+    """The log has what the feedback adds to a feedforward that is a tenth too large."""
+    dt, time, noise = 1e-3, 1e-3 * np.arange(6000), np.random.default_rng(0).standard_normal(6000)
+    wanted = 0.1 * np.sin(3 * time) + 0.02 * np.sin(11 * time)
+    speeds = np.gradient(wanted, dt)
+    forward = 1.1 * (10 * np.gradient(speeds, dt) + 50 * speeds)
+    place = speed = before = 0.0
+    command, position = np.zeros(6000), np.zeros(6000)
+    for k in range(6000):
+        position[k] = counted = 1e-7 * np.round(place / 1e-7)
+        error = wanted[k] - counted
+        command[k] = 2000 * error + 100 * (speeds[k] - (counted - before) / dt)
+        before = counted
+        speed += dt * (command[k] + forward[k] + 2 * noise[k] - 50 * speed) / 10
+        place += dt * speed
+    for u, words in (
+        (command, "does a feedforward act"),
+        (noise[::-1], "columns those of one axis"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            identify_machine(MachineRecord(dt, ("X",), u[:, None], position[:, None]), 2, 4)
