@@ -1,8 +1,10 @@
 """Plants of the contract tests by name."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
+from jcontour.app.catalogue.choices import controllers_for, machine_named
 from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.machines.flexible_axis import biaxial_axes
 from jcontour.app.machines.gantry import guide_ways
@@ -18,6 +20,12 @@ from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.xy_table import FrictionXYTable
 
 SAMPLE = 1e-3  # [s] of the thesis's controllers
+
+
+@cache
+def first_machine(controller: str) -> str:
+    """Name of the first machine of the catalogue that a controller suits."""
+    return next(name for name in MACHINES if controller in controllers_for(machine_named(name)))
 
 
 class Sample(NamedTuple):

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.app.catalogue.choices import first_machine
 from jcontour.app.catalogue.entries import CONTROLLERS, MACHINES
 from jcontour.controller import Controller, Memory, Wrapper
 from jcontour.motion.references import Reference, from_samples
@@ -25,7 +24,7 @@ from jcontour.plants.flexible_axis.axis import AxisParameters
 from jcontour.simulation.closed_loop import Rollout, prepared, simulate, start_state
 from jcontour.simulation.evaluation import member
 from tests.canonical import STEPS
-from tests.plants import PLANTS
+from tests.plants import PLANTS, first_machine
 
 RESTART = 5  # sample at which a run is cut in two
 SHIFT, SAME = 1.0, 1e-9  # [m]: whole counts of all encoders; what rounding leaves of it

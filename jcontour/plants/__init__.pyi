@@ -16,7 +16,6 @@ from .flexible_axis.axis import thesis_axis as thesis_axis
 from .flexible_axis.axis import zoh_model as zoh_model
 from .flexible_axis.cantilever import Beam as Beam
 from .flexible_axis.cantilever import beam_modes as beam_modes
-from .flexible_axis.cantilever import cantilever as cantilever
 from .flexible_axis.cantilever import thesis_beam as thesis_beam
 from .gantry.friction_gantry import SmoothFrictionGantry as SmoothFrictionGantry
 from .gantry.friction_gantry import StickSlipGantry as StickSlipGantry

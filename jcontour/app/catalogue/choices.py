@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -79,13 +79,6 @@ def learns(name: str) -> bool:
 
 def _needs(name: str) -> Needs:
     return getattr(design_class(name), "needs", OwnDesign.needs)
-
-
-@cache
-def first_machine(controller: str) -> str:
-    """Name of the first machine of the catalogue that a controller suits."""
-    needs = _needs(controller)
-    return next(name for name in MACHINES if needs.met_by(machine_named(name)))
 
 
 class UnreadFlagWarning(UserWarning):

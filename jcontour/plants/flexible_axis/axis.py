@@ -128,11 +128,6 @@ class AxisParameters(eqx.Module):
         """Force of spring and damper, from the motor to the tool [N]."""
         return self.stiffness * (x.motor - x.tool) + self.damping * (x.motor_speed - x.tool_speed)
 
-    def energy(self, x: Motion) -> Axes:
-        """Kinetic energy plus the spring's [J]."""
-        kinetic = self.motor_mass * x.motor_speed**2 + self.tool_mass * x.tool_speed**2
-        return (kinetic + self.stiffness * (x.motor - x.tool) ** 2) / 2
-
 
 def thesis_axis() -> AxisParameters:
     """Test bench of the thesis as printed in section 3.3, with three harmonics of cogging."""

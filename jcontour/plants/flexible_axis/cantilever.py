@@ -1,9 +1,6 @@
-"""A cantilever on a slide: an Euler-Bernoulli beam with a load at its tip, mode by mode.
+"""Modes of a cantilever: an Euler-Bernoulli beam with a load at its tip (Yuan, section 2.2).
 
-    (M + m + rho L) p'' + sum_i c_i q_i'' = F - b p'
-    c_i p'' + q_i'' + 2 zeta_i w_i q_i' + w_i^2 q_i = 0                       (Yuan, eq. 2.4)
-    c_i = rho int phi_i dx + m phi_i(L),   tip = p + sum_i phi_i(L) q_i
-Eq. 2.4 keeps the first mode, here are n of them. Clamped-free shapes phi_i have beta_i of
+Clamped-free shapes phi_i have beta_i of
 
     1 + cosh beta cos beta + (m beta / rho L) (cos beta sinh beta - sin beta cosh beta) = 0
 and w_i = (beta_i / L)^2 sqrt(E I / rho). They are orthogonal with the load at the tip, and scaled
@@ -13,10 +10,7 @@ to rho int phi_i^2 dx + m phi_i(L)^2 = 1, which is the thesis's constant alpha_i
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
-
-from jcontour.linear.plant import LinearPlant
-from jcontour.linear.transformations import zoh
+from jaxtyping import Float
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(200)  # of integrals along the beam
 BISECTIONS = 60  # to the last digit
@@ -45,7 +39,6 @@ class BeamModes(NamedTuple):
     beta: Float[np.ndarray, " n"]  # roots of the characteristic equation
     frequency: Float[np.ndarray, " n"]  # w_i [rad/s]
     tip: Float[np.ndarray, " n"]  # phi_i(L) [kg^-1/2]
-    share: Float[np.ndarray, " n"]  # c_i [kg^1/2]
 
 
 def thesis_beam(load: float = 0.0) -> Beam:
@@ -91,9 +84,8 @@ def beam_modes(beam: Beam, count: int) -> BeamModes:
     shapes, tips = beam_shapes(beta, place), beam_shapes(beta, np.ones(1))[:, 0]
     mass = beam.density * beam.length / 2 * WEIGHTS
     size = np.sqrt(shapes**2 @ mass + beam.load * tips**2)
-    share = (shapes @ mass + beam.load * tips) / size
     rate = np.sqrt(beam.stiffness / beam.density)
-    return BeamModes(beta, (beta / beam.length) ** 2 * rate, tips / size, share)
+    return BeamModes(beta, (beta / beam.length) ** 2 * rate, tips / size)
 
 
 def beam_shapes(
@@ -105,43 +97,3 @@ def beam_shapes(
     sigma = (np.cosh(b) + np.cos(b)) / below
     grown = (np.sin(b) - np.cos(b) - np.exp(-b)) / below * np.exp(z) / 2  # (1 - sigma) e^z / 2
     return grown + (1 + sigma) / 2 * np.exp(-z) - np.cos(z) + sigma * np.sin(z)
-
-
-def cantilever(
-    beam: Beam,
-    slide_mass: float,
-    dt: float,
-    modes: int = 1,
-    damping: ArrayLike = 0.0,
-    viscous: float = 0.0,
-    force_constant: float = 1.0,
-) -> LinearPlant:
-    """Slide and beam; the state is (p, q, p', q'), the output is the tip [m].
-
-    Args:
-        beam: with its load.
-        slide_mass: M [kg].
-        dt: sample period [s].
-        modes: n.
-        damping: zeta_i, one number or one for each mode.
-        viscous: b of the slide [N s/m].
-        force_constant: force per unit of the control [N].
-
-    Raises:
-        ValueError: as `beam_modes`; or the slide has no mass.
-    """
-    if not slide_mass > 0:
-        raise ValueError(f"slide_mass: needs to be above zero, received {slide_mass}")
-    found = beam_modes(beam, modes)
-    n, w = modes + 1, found.frequency
-    mass = np.eye(n)
-    mass[0, 0] = slide_mass + beam.load + beam.density * beam.length
-    mass[0, 1:] = mass[1:, 0] = found.share
-    lost = np.diag([viscous, *(2 * np.broadcast_to(np.asarray(damping), modes) * w)])
-    A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 1))
-    A[:n, n:] = np.eye(n)
-    A[n:] = -np.linalg.solve(mass, np.hstack([np.diag([0.0, *w**2]), lost]))
-    B[n:, 0] = np.linalg.solve(mass, np.eye(n)[0]) * force_constant
-    C = np.zeros((1, 2 * n))
-    C[0, :n] = [1.0, *found.tip]
-    return LinearPlant(*zoh(A, B, dt), C, dt)

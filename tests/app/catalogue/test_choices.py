@@ -13,7 +13,6 @@ from jcontour.app.catalogue import entries
 from jcontour.app.catalogue.choices import (
     controllers_for,
     design_for,
-    first_machine,
     job_named,
     machine_named,
     seeing_all,
@@ -35,6 +34,7 @@ from jcontour.controller import Controller
 from jcontour.motion.references import along, from_samples
 from jcontour.plants import Encoders
 from jcontour.simulation.closed_loop import prepared, simulate
+from tests.plants import first_machine
 from tuning.parameters import Weight
 
 THESIS_AXIS = Path(__file__).parents[3] / "jcontour" / "app" / "machines" / "thesis-axis.json"

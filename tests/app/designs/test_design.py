@@ -4,9 +4,10 @@ import warnings
 
 import pytest
 
-from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, first_machine
+from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for
 from jcontour.app.catalogue.entries import CONTROLLERS, MACHINES
 from jcontour.app.flags.loops import Simulate
+from tests.plants import first_machine
 
 FIXED = {  # chosen, not tuned
     "repetitive": {"period"},
