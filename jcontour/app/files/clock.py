@@ -10,7 +10,8 @@ USUAL = 1e-3  # [s] between samples of a drive's record
 SLOWEST = 0.1  # [s] likewise, at most
 JITTER = 0.01  # of a period, by which a sample may be early or late
 MOST_JITTER = 0.5  # likewise, of stamps that are interpolated to even ones
-LEAST_PART = 0.25  # of a record without gap or restart that is worth going on with
+# part without gap or restart that is worth going on with: of a record, or samples
+LEAST_PART, LEAST_ROWS = 0.25, 5000
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
     edges = np.concatenate([[0], odd + 1, [len(time)]])
     longest = int(np.argmax(np.diff(edges)))
     start, end = int(edges[longest]), int(edges[longest + 1])
-    if end - start < max(LEAST_PART * len(time), 3):
+    if end - start < max(min(LEAST_PART * len(time), LEAST_ROWS), 3):
         raise ValueError(
             f"{_uneven(time, usual, int(odd[0]))}; there are {odd.size} such places, and the "
             f"longest part without, {time[start]:g} s to {time[end - 1]:g} s, has {end - start} of "

@@ -34,6 +34,14 @@ def test_many_gaps_are_counted_and_the_longest_part_is_named():
         longest_even_part(time)
 
 
+def test_a_long_part_is_used_however_many_gaps_a_record_has():
+    """Eight parts of two seconds at 2 kHz, one of three."""
+    parts = (4.0 * k + 5e-4 * np.arange(6000 if k == 5 else 4000) for k in range(9))
+    part = longest_even_part(np.concatenate(list(parts)))
+    assert part.rows == slice(20_000, 26_000) and part.dt == pytest.approx(5e-4)
+    assert "8 gaps" in part.words and "20 s to 22.9995 s" in part.words
+
+
 def test_stamps_that_jitter_become_even_ones():
     """A line stays a line; by a tenth of a sample from one to the next."""
     jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
