@@ -6,7 +6,7 @@ from jaxtyping import Float
 from tuning.identification.linear import validation
 from tuning.identification.linear.identified_axes import FAIR, IdentifiedAxis
 from tuning.identification.linear.output_error import TRAINING
-from tuning.identification.linear.rigid_axis import Simple
+from tuning.identification.linear.rigid_axis import Simple, part_explained
 
 COLOURED = 0.1  # correlation of the errors that is said
 COUPLED = 0.01  # part of the errors' variance
@@ -175,7 +175,7 @@ def _up_to(hertz: float) -> str:
 
 
 AT_REST = 0.02  # of the squared speed
-ALONGSIDE = 0.5  # correlation of position and command, at least
+ALONGSIDE = 0.5  # of the speed, that a limit of it explains at least
 TOP = 99.0  # percentile of the speed that counts as the largest
 MORE = 1.15  # times the largest speed, that a command asks for
 OFTEN = 0.02  # of the samples
@@ -232,14 +232,18 @@ def _aliased(command: np.ndarray) -> str:
 
 def _speed_limit(command: np.ndarray, position: np.ndarray, dt: float) -> str:
     """Of a drive that takes a position, and is asked for more speed than it ever has."""
-    u, y = command - command.mean(), position - position.mean()
-    size = float(np.linalg.norm(u) * np.linalg.norm(y))
-    if not size or float(u @ y) < ALONGSIDE * size:
-        return ""
-    asked = np.abs(np.gradient(command, dt)) * float(u @ y) / float(u @ u)
+    u = command - command.mean()
+    wanted = u * float(u @ position) / float(u @ u) + position.mean()
+    asked = np.abs(np.gradient(wanted, dt))
     largest = float(np.percentile(np.abs(np.gradient(position, dt)), TOP))
     beyond = np.flatnonzero(asked > MORE * largest)
     if len(beyond) < OFTEN * len(asked):
+        return ""
+    place, limited, step = float(position[0]), [], largest * dt
+    for one in wanted.tolist():
+        place += min(max(one - place, -step), step)
+        limited.append(place)
+    if part_explained(position, np.array(limited)) < ALONGSIDE:
         return ""
     return (
         f"the command asks for up to {60e3 * asked[beyond].max():.4g} mm/min, first after "

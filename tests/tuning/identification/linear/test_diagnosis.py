@@ -66,6 +66,9 @@ def test_a_drive_that_limits_its_speed_is_told():
     assert "no faster than 6000 mm/min" in said
     assert limits_of(SWEEP, np.append([0.0, 0.0], SWEEP[:-2]), DT) == ""
     assert limits_of(SWEEP, np.cumsum(np.roll(SWEEP, 700)), DT) == ""
+    slow = np.sin(2 * np.pi * 0.3 * TIME)  # beside a noisy command that is no position
+    noisy = 1e3 * slow + 1.1e3 * np.random.default_rng(0).standard_normal(3000)
+    assert "no faster than" not in limits_of(noisy, slow, DT)
 
 
 def test_a_command_that_is_cut_before_it_acts_is_told():
