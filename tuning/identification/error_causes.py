@@ -8,10 +8,14 @@ axes share, axis by axis and by least squares,
 with zero o and scale g, v the speed of r(t - T), p its play about itself for a gap of one unit,
 d = +-1 the direction in which it went last, and high-passes H_k = tau_k s / (tau_k s + 1). What is
 left, n, holds vibration, a narrow band of its spectrum, and the rounding of encoders to counts.
+Terms that the others make up for are left out, by backward elimination, likely ones last: a
+straight piece does not tell a lag from a zero, and least squares alone would give both large shares
+that cancel.
 
 The lag of an axis, c beyond T, and what cuts curves inside are one cause: a loop with a lag does
-both. What goes outside, sum_k a_k tau_k < 0, is overshoot. What follows a reversal and stays until
-the next is backlash; what an integrator takes away in time is counted as friction.
+both. What goes outside, sum_k a_k H_k(s) v against the acceleration, is overshoot. What follows a
+reversal and stays until the next is backlash; what an integrator takes away in time is counted as
+friction.
 
 A cause adds a vector to y. Its part P across the path, along the contour error e, is its share
 
@@ -25,6 +29,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.interpolate import CubicSpline
+from scipy.linalg import orth
 from scipy.ndimage import median_filter
 from scipy.signal import lfilter, welch
 
@@ -43,12 +48,16 @@ ROUNDS = 4  # for the delay, and for the width of the gap
 DECAYS = (0.004, 0.012, 0.036)  # [s] of what friction leaves behind a reversal
 TRANSIENTS = (0.002, 0.006, 0.018)  # [s] of the loop, behind corners
 SEGMENT = 0.5  # [s] of a spectrum of many: lines of 2 Hz
-SLOWEST = 8.0  # [Hz] of a vibration
+PERIODS = 4  # of a vibration in a segment, at least: 8 Hz
 PROMINENT = 8.0  # times the spectrum around it
 BAND = 0.15  # relative half width of the band of a vibration
+MOVING = 0.05  # of the largest speed: faster at its first sample a record begins in motion
 STILL = 1e-6  # [m] of travel: an axis that moves less stands still
 MOVED = 5.0  # counts, beyond which an axis has turned
 FINEST = 1e-8  # [m] of a count
+NEEDED = 0.25  # of what all terms leave: what one has to take off, else it is left out
+SMALL = 0.01  # of the error, likewise
+PRICE = 0.003  # of a term's size
 
 
 @dataclass(frozen=True)
@@ -73,7 +82,7 @@ class Shares:
     rms: Float[np.ndarray, " causes"]  # share of each in the RMS contour error [m]
     peak: Float[np.ndarray, " causes"]  # in the largest [m]
     along: Float[np.ndarray, "causes T"]  # in the error of every sample, which they sum to [m]
-    lags: Float[np.ndarray, " m"]  # of the axes behind the command [s]
+    lags: Float[np.ndarray, " m"]  # of the axes behind the command [s]; NaN of one that rests
 
 
 @dataclass(frozen=True)
@@ -89,7 +98,7 @@ def shares(
     command: Float[np.ndarray, "T m"],
     tool: Float[np.ndarray, "T m"],
     dt: float,
-    counts: Float[np.ndarray, " m"],
+    counts: Float[np.ndarray, "2 m"],
     error_of: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     scored: Bool[np.ndarray, " T"],
 ) -> Shares:
@@ -99,36 +108,40 @@ def shares(
         command: where the control wants the axes [m].
         tool: where they are [m].
         dt: sample period [s].
-        counts: of the encoders [m].
+        counts: of the encoders, and of the commands in the record (2, m) [m].
         error_of: contour errors and unit tangents (T, m) at places (T, m).
         scored: which samples count.
     """
-    axes = range(command.shape[1])
+    axes, rounded = range(command.shape[1]), np.hypot(*counts)
     error, tangent = error_of(tool)
+    off = np.linalg.norm(error, axis=1)
+    square = float(np.mean(off[scored] ** 2))
+    least = SMALL * np.sqrt(square)
     delay, between, late, each = 0.0, 0.0, command, list[_Axis]()
     for _ in range(1 if len(axes) == 1 else ROUNDS):  # until lags lie around the delay
         late, speed = _delayed(command, dt, delay)
-        each = [_axis(late[:, k], speed[:, k], tool[:, k], dt, float(counts[k])) for k in axes]
-        powers = (speed**2).sum(axis=0)
-        between = float(powers @ [one.lag for one in each] / max(powers.sum(), 1e-300))
+        each = [
+            _axis(late[:, k], speed[:, k], tool[:, k], dt, float(rounded[k]), least) for k in axes
+        ]
+        powers, found = (speed**2).sum(axis=0), np.array([one.lag for one in each])
+        between = float(powers @ np.nan_to_num(found) / max(powers.sum(), 1e-300))
         delay += between
     asked, _ = error_of(late)
     causes = [Cause("lag", None, np.stack([one.lagging for one in each], axis=1), 0.0)]
     for k, one in enumerate(each):
         for kind, values, size, lasts in one.others:
+            size = float(counts[:, k].max()) if kind == "quantisation" else size
             causes.append(Cause(kind, k, np.eye(len(axes))[k] * values[:, None], size, lasts))
     parts = [_across(one.vector, tangent) for one in causes]
     causes.append(Cause("commanded path", None, asked, 0.0))
     parts.append(asked)
     causes.append(Cause("unexplained", None, error - sum(parts), 0.0))
     parts.append(causes[-1].vector)
-    size = np.linalg.norm(error, axis=1)
-    way = error / np.maximum(size, 1e-300)[:, None]
+    way = error / np.maximum(off, 1e-300)[:, None]
     along = np.stack([(part * way).sum(axis=1) for part in parts])
-    square = float(np.mean(size[scored] ** 2))
-    rms = (along * size)[:, scored].mean(axis=1) / max(np.sqrt(square), 1e-300)
+    rms = (along * off)[:, scored].mean(axis=1) / max(np.sqrt(square), 1e-300)
     order = [*np.argsort(-np.abs(rms[:-1]), kind="stable"), len(parts) - 1]
-    worst = int(np.argmax(np.where(scored, size, 0.0)))
+    worst = int(np.argmax(np.where(scored, off, 0.0)))
     lags = delay - between + np.array([one.lag for one in each])
     along = along[order]
     return Shares([causes[j] for j in order], rms[order], along[:, worst], along, lags)
@@ -148,40 +161,52 @@ def _delayed(command: np.ndarray, dt: float, delay: float) -> tuple[np.ndarray, 
     return spline(then), spline(then, 1)
 
 
-def _axis(place: np.ndarray, speed: np.ndarray, tool: np.ndarray, dt: float, count: float) -> _Axis:
+def _axis(
+    place: np.ndarray, speed: np.ndarray, tool: np.ndarray, dt: float, count: float, least: float
+) -> _Axis:
     """Causes on one axis, along its command behind the common delay."""
     apart = tool - place
     if np.ptp(place) < STILL:  # it has noise alone
         left = apart - apart.mean()
-        return _Axis(0.0, np.zeros(len(place)), _noise(left, dt, count))
+        return _Axis(np.nan, np.zeros(len(place)), _noise(left, dt, count))
     way = hysteresis(place, MOVED * max(count, FINEST))[1]
     transients = np.stack([high_passed(speed, tau, dt) for tau in TRANSIENTS], axis=1)
+    moving = abs(speed[0]) > MOVING * np.abs(speed).max()
+    if moving:  # of what was before decays something
+        time = dt * np.arange(len(place))[:, None]
+        transients = np.concatenate([transients, np.exp(-time / TRANSIENTS)], axis=1)
     spikes = -np.stack([high_passed(way, tau, dt) for tau in DECAYS], axis=1)
     scale = np.stack([np.ones(len(place)), place - place.mean()], axis=1)
-    gap, bases, found = max(count, FINEST), [], np.zeros(0)
+    turns = float(way.min() < 0 < way.max())  # else neither friction nor backlash shows
+    gap, bases, least = max(count, FINEST), [], max(least, count / np.sqrt(12), FINEST)
     for _ in range(ROUNDS):
-        play = hysteresis(place, gap)[0]
-        bases = [scale, -speed[:, None], transients, play[:, None], spikes]
-        found = _least_squares(np.concatenate(bases, axis=1), apart)
-        if found[-len(DECAYS) - 1] < 0:  # a gap never leads
-            bases[3] = 0 * bases[3]
-            found = _least_squares(np.concatenate(bases, axis=1), apart)
-        gap = max(float(found[-len(DECAYS) - 1]), count, FINEST)
-    ends = np.cumsum([base.shape[1] for base in bases])[:-1]
-    g, lag, a, b, f = np.split(found, ends)
-    lagging, cornering = bases[1] @ lag, transients @ a
-    left = apart - np.concatenate(bases, axis=1) @ found
-    height, lasts = _spike(f, dt)
+        play = turns * hysteresis(place, gap)[0]
+        bases = [scale, turns * spikes, play[:, None], transients, -speed[:, None]]
+        b = _least_squares(np.concatenate(bases, axis=1), apart)[2 + len(DECAYS)]
+        gap = max(float(b), count, FINEST)
+    found = _needed(bases, apart, least)
+    if found[2] < 0:  # a gap never leads
+        bases[2] = 0 * bases[2]
+        found = _needed(bases, apart, least)
+    g, f, b, a, lag = found
+    lagging, cornering = bases[4] @ lag, transients @ a
+    left = apart - sum(base @ one for base, one in zip(bases, found, strict=True))
+    height, lasts = _spike(f)
     others: list[tuple[Kind, np.ndarray, float, float]] = [
         ("scale", scale @ g, float(g[1]), 0.0),
-        ("backlash", bases[3] @ b, float(b[0]), 0.0),
-        ("friction", spikes @ f, height, lasts),
+        ("backlash", bases[2] @ b, float(b[0]), 0.0),
+        ("friction", bases[1] @ f, height, lasts),
         *_noise(left, dt, count),
     ]
-    bend = float(a @ TRANSIENTS)
+    push = np.gradient(speed, dt)
+    bend = float((lagging + cornering) @ push) / max(float(push @ push), 1e-300)
     if bend > 0:
-        return _Axis(float(lag[0]), lagging + cornering, others)
-    return _Axis(float(lag[0]), lagging, [("overshoot", cornering, bend, 0.0), *others])
+        lagging = lagging + cornering
+    else:
+        others = [("overshoot", cornering, bend, 0.0), *others]
+    if moving:  # it shares what decays with its corners
+        return _Axis(-float(lagging @ speed) / float(speed @ speed), lagging, others)
+    return _Axis(float(lag[0]), lagging, others)
 
 
 def hysteresis(
@@ -203,8 +228,38 @@ def hysteresis(
 
 
 def high_passed(signal: Float[np.ndarray, " T"], tau: float, dt: float) -> Float[np.ndarray, " T"]:
-    """tau s / (tau s + 1) of a signal that is zero before it begins."""
-    return np.asarray(lfilter([1.0, -1.0], [1.0, -np.exp(-dt / tau)], signal))
+    """tau s / (tau s + 1) of a signal that is constant before it begins."""
+    return np.asarray(lfilter([1.0, -1.0], [1.0, -np.exp(-dt / tau)], signal - signal[0]))
+
+
+def _needed(bases: list[np.ndarray], apart: np.ndarray, least: float) -> list[np.ndarray]:
+    """Coefficients of the bases by least squares, zero of those that the others make up for.
+
+    One after the other goes, the first one first and the last one never, if all that went take off
+    less than so much, and than `NEEDED` of what the whole set leaves. A term costs `PRICE` of its
+    size: large ones that cancel do not pay.
+    """
+    R = np.asarray(np.linalg.qr(np.column_stack([*bases, apart]), mode="r"))
+    parts = np.split(R[:, :-1], np.cumsum([base.shape[1] for base in bases])[:-1], axis=1)
+    spans, wanted = [orth(part, rcond=1e-8) for part in parts], R[:, -1]
+
+    def fitted(kept: list[int]) -> tuple[float, list[np.ndarray]]:
+        A = np.concatenate([spans[one] for one in kept], axis=1)
+        z = np.linalg.solve(A.T @ A + PRICE**2 * np.eye(A.shape[1]), A.T @ wanted)
+        sizes = iter(np.split(z, np.cumsum([spans[one].shape[1] for one in kept])[:-1]))
+        terms = [spans[k] @ next(sizes) if k in kept else 0 * wanted for k in range(len(bases))]
+        found = [_least_squares(part, term) for part, term in zip(parts, terms, strict=True)]
+        return float(np.linalg.norm(wanted - A @ z)), found
+
+    kept = list(range(len(bases)))
+    left, found = fitted(kept)
+    most = np.hypot(left, max(NEEDED * left, least * np.sqrt(len(apart))))
+    for base in range(len(bases) - 1):
+        fewer = [one for one in kept if one != base]
+        left, without = fitted(fewer)
+        if left <= most:
+            kept, found = fewer, without
+    return found
 
 
 def _least_squares(A: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -213,9 +268,9 @@ def _least_squares(A: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(A / scale, right, rcond=1e-8)[0] / scale
 
 
-def _spike(f: np.ndarray, dt: float) -> tuple[float, float]:
+def _spike(f: np.ndarray) -> tuple[float, float]:
     """Height of what friction leaves behind one reversal [m], and time to a third of it [s]."""
-    time = dt * np.arange(int(5 * DECAYS[-1] / dt))
+    time = np.linspace(0.0, 5 * DECAYS[-1], 500)
     answer = np.abs(2 * np.exp(-time[:, None] / DECAYS) @ f)
     top = int(np.argmax(answer))
     below = np.flatnonzero(answer[top:] < answer[top] / 3)
@@ -240,7 +295,9 @@ def _noise(
 
 def vibration(left: Float[np.ndarray, " T"], dt: float) -> float | None:
     """Frequency of the most prominent narrow band of a spectrum [Hz]; None without one."""
-    hertz, power = welch(left, 1 / dt, nperseg=min(round(SEGMENT / dt), len(left)))
+    rows = min(max(round(SEGMENT / dt), 2 * PERIODS), len(left))
+    hertz, power = welch(left, 1 / dt, nperseg=rows)
     around = median_filter(power, size=max(len(power) // 8, 9), mode="nearest")
-    high = np.flatnonzero((hertz >= SLOWEST) & (power > PROMINENT * around))
+    slowest = PERIODS * hertz[1] * (1 - 1e-9)
+    high = np.flatnonzero((hertz >= slowest) & (power > PROMINENT * around))
     return float(hertz[high[np.argmax(power[high])]]) if high.size else None

@@ -9,7 +9,7 @@ from tyro.conf import Positional
 from jcontour.app.flags.shared import Common
 
 LengthUnit = Literal["m", "mm", "um"]
-PositionUnit = Literal["m", "mm", "um", "rad", "mrad", "deg", "rev"]
+PositionUnit = Literal["m", "mm", "um", "inch", "rad", "mrad", "deg", "rev"] | float
 Takes = Literal["speed", "position", "force"]
 
 
@@ -29,7 +29,8 @@ class Logged(Common):
     position_columns: tuple[str, ...] = ()
     """Names of the measured positions, one per axis."""
     length_unit: PositionUnit = "mm"
-    """Unit of the positions, where their columns do not say (x_position_um)."""
+    """Unit of the positions, where their columns do not say (x_position_um); of counts a number,
+    the metres of one."""
     period_ms: float | None = None
     """Sample period [ms]; a column of time is then not used."""
     out: Path | None = None

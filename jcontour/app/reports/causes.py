@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from jcontour.app.files.log_file import ANGLE
 from jcontour.app.files.results.loop_results import AuditedResult, CauseShare
 from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports.screen import Entry
@@ -15,6 +16,7 @@ if TYPE_CHECKING:  # signal processing takes a second to import
     from tuning.identification.error_causes import Cause, Shares
 
 LISTED, CHANGES = 3, 2  # causes and remedies on the screen
+CANCELLED = 2.0  # times the error, of what all causes add and take away
 SMALL = 0.02  # of the error: a smaller cause is not on the screen
 ALIKE = 0.02  # relative, of two lags
 SLOW = 1e-3  # [s] of a lag that a position gain makes
@@ -39,9 +41,11 @@ def _words(cause: "Cause", axis: str, shares: "Shares", axes: tuple[str, ...]) -
         case "lag":
             return _lag(shares.lags, axes)
         case "scale":
-            each = f"{digits(100 * cause.size)} %"
-            return f"scale and zero of {axis}: it goes {each} farther than asked", (
-                f"scale of {axis} (pitch, counts per turn): {each} less, and its zero"
+            much, far = f"{digits(100 * abs(cause.size))} %", cause.size > 0
+            went = "farther than asked" if far else "too short"
+            return f"scale and zero of {axis}: it goes {much} {went}", (
+                f"scale of {axis} (pitch, counts per turn): {much} {'less' if far else 'more'}, "
+                "and its zero"
             )
         case "overshoot":
             each = f"{digits(1e6 * abs(cause.size))} um per m/s^2 on {axis}"
@@ -68,14 +72,16 @@ def _words(cause: "Cause", axis: str, shares: "Shares", axes: tuple[str, ...]) -
             return f"counts of {digits(um)} um on {axis}", f"a finer encoder on {axis}"
         case "commanded path":
             return (
-                "the commands themselves leave the part",
-                "a smaller path tolerance of the control",
+                "the commands themselves leave the part, or the log has few of them in its curves",
+                "a smaller path tolerance of the control, and a log at a higher rate",
             )
     return "unexplained", ""
 
 
 def _lag(lags: np.ndarray, axes: tuple[str, ...]) -> tuple[str, str]:
     """Lags of all axes, and which position gain to change by how much."""
+    moving = [k for k in range(len(axes)) if np.isfinite(lags[k])]
+    lags, axes = lags[moving], tuple(axes[k] for k in moving)
     each = ", ".join(f"{axis} {digits(1e3 * lag)} ms" for axis, lag in zip(axes, lags, strict=True))
     slow, quick = int(np.argmax(lags)), int(np.argmin(lags))
     if len(axes) == 1:
@@ -114,7 +120,15 @@ def audit_answer(result: AuditedResult) -> list[Entry]:
     left = rms - sum(one.rms for one in shown)
     entries.append(Entry(heading, f"{_um(left)} RMS: all else, and unexplained"))
     changes = [one.remedy for one in shown if one.remedy and one.rms > 0][:CHANGES]
-    return [*entries, *(Entry("Change", one) for one in changes)]
+    if sum(abs(one.rms) for one in known) > CANCELLED * rms:
+        changes = [
+            "nothing yet: causes cancel, the record is too short or too plain to tell them "
+            "apart; record a longer one, from rest to rest and with reversals"
+        ]
+    entries += [Entry("Change", one) for one in changes]
+    said = result.words[len(result.machine.axes) :]  # what is beside the names of columns
+    said += [one for one in result.words[: len(result.machine.axes)] if ANGLE in one][:1]
+    return [*entries, *(Entry("Note", one) for one in said)]
 
 
 def show_causes(result: AuditedResult, console: Console) -> None:

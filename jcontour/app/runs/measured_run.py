@@ -24,6 +24,7 @@ CHUNK = 1000  # samples, whose nearest points are sought at once
 ROUNDS = 4  # for the zero of the part
 SHIFTED = 1e-3  # of the part's size: the log has another zero
 MOST = 400_000  # samples
+FEWEST = 20  # samples in motion: twice as many as causes have coefficients
 STILL = 1e-6  # [m] of travel
 FOLLOWS = 0.5  # correlation of a position with its command, at least
 UNLIKE = 2.0  # ratio of the two that is one of units
@@ -58,8 +59,13 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
     if len(log.command) > MOST:
         raise ValueError(f"{name}: has {len(log.command)} samples, more than {MOST}: take a part")
     moves = np.append(np.linalg.norm(np.diff(log.command, axis=0), axis=1) > 0, False)
-    if moves.sum() < 3:
-        raise ValueError(f"{name}: the commands do not move; are they the right columns?")
+    if moves.sum() < FEWEST:
+        raise ValueError(
+            f"{name}: the commands do not move, in {FEWEST} samples at least; are they the right "
+            "columns?"
+        )
+    if part is not None and len(axes) == 1:
+        raise ValueError("part: one axis follows its command and no path; leave --part out")
     _check_columns(name, log, axes)
     if part is None:
         first = np.append(True, moves[:-1])
@@ -83,6 +89,8 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
         words = [moved] if offset.any() else []
         along = from_samples(command, _tangents(command), log.dt, 0, path, tolerance=np.inf)
         arc = np.asarray(along.arc)
+        if np.ptp(arc) < (1 - FARTHEST) * path.length:
+            words.append(f"the log has {100 * np.ptp(arc) / path.length:.0f} % of the part alone")
     pieces = np.searchsorted(np.asarray(path.start), arc, side="right") - 1
     scored = ~rapid[np.clip(pieces, 0, len(rapid) - 1)]
     moving = np.flatnonzero(moves)

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from jcontour.app.files.log_file import LogColumns, read_log
-from tuning.identification.error_causes import Shares, hysteresis, shares
+from tuning.identification.error_causes import Shares, hysteresis, shares, vibration
 from tuning.identification.linear.validation import resolution_of
 
 DT, FINE, ROWS, CASES, COUNT = 1e-3, 4, 1600, 20, 1e-7
@@ -73,10 +74,11 @@ def error_of(command):
     return measured
 
 
-def audited(command, tool, dt=DT, counts=(COUNT, COUNT)) -> Shares:
+def audited(command, tool, dt=DT, counts=(COUNT, COUNT), first=0) -> Shares:
     scored = np.ones(len(tool), bool)
-    scored[-5:] = False  # a path that ends in motion: the tool is beyond its end
-    return shares(command, tool, dt, np.array(counts), error_of(command), scored)
+    scored[:first] = scored[-5:] = False  # a path that ends in motion: the tool is beyond its end
+    each = np.stack([counts, np.zeros(len(counts))])
+    return shares(command, tool, dt, each, error_of(command), scored)
 
 
 def simulated(fault):
@@ -120,6 +122,50 @@ def test_an_injected_fault_is_named_first(fault, size):
         assert slow / quick == pytest.approx(1.05, abs=0.01)
 
 
+def piece(asked, first, rows):
+    """A record that begins and ends in motion, behind axes with 8.0 and 8.4 ms of lag."""
+    tool = np.empty_like(asked)
+    for axis, lag in enumerate((8e-3, 8.4e-3)):
+        tool[:, axis] = lfilter([1 - np.exp(-DT / lag)], [1, -np.exp(-DT / lag)], asked[:, axis])
+    noise = 0.05e-6 * np.random.default_rng(5).standard_normal(tool.shape)
+    kept = slice(first, first + rows)
+    return asked[kept], COUNT * np.round((tool + noise) / COUNT)[kept]
+
+
+@pytest.mark.parametrize("rows", [250, 500])
+def test_causes_that_a_plain_record_does_not_tell_apart_do_not_cancel(rows):
+    """On a straight line at one speed a lag is a shift: no scale stands beside it."""
+    way = 0.05 * DT * np.arange(1000)[:, None] * [0.8, 0.6]
+    command, tool = piece(way, 300, rows)
+    found = audited(command, tool, first=20)
+    assert found.causes[0].kind == "lag"
+    assert np.abs(found.rms[:-1]).sum() < 1.5 * found.rms.sum()
+
+
+def test_lags_of_an_arc_that_begins_in_motion():
+    """On an arc the lag's smaller radius is a scale too: the causes are then not told apart."""
+    angle = 6.0 * DT * np.arange(1000)[:, None]
+    command, tool = piece(0.01 * np.concatenate([np.sin(angle), np.cos(angle)], axis=1), 300, 500)
+    found = audited(command, tool, first=20)
+    assert found.lags[1] - found.lags[0] == pytest.approx(0.4e-3, rel=0.4)
+    assert np.abs(found.rms).max() < 2 * found.rms.sum()
+
+
+def test_an_axis_at_rest_has_no_lag():
+    command = np.stack([0.01 * np.sin(6 * DT * np.arange(500)), np.full(500, 0.05)], axis=1)
+    assert np.isnan(audited(*piece(command, 100, 300)).lags).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(("rows", "dt"), [(60, DT), (400, 0.2)])
+def test_a_trend_is_no_vibration_of_a_short_or_coarse_record(rows, dt):
+    trend = np.linspace(0, 1e-5, rows) ** 2
+    assert vibration(trend, dt) is None
+    command = np.stack([np.linspace(0, 1, rows), np.linspace(0, 1, rows) ** 2], axis=1)
+    found = audited(command, command + trend[:, None], dt)
+    assert np.isfinite(found.rms).all()
+    assert all(one.kind != "vibration" for one in found.causes)
+
+
 def test_play_is_half_a_gap_behind():
     place = np.concatenate([np.linspace(0, 1, 11), np.linspace(1, 0, 11)])
     play, way = hysteresis(place, 0.2)
@@ -150,7 +196,7 @@ def test_shares_of_a_public_record(file, columns, first):
     log = read_log(
         RECORDS / file, ("X", "Y"), LogColumns(time, asked, measured, "mm", period, True)
     )
-    counts = [np.array([resolution_of(x) for x in y.T]) for y in (log.position, log.command)]
-    found = audited(log.command, log.position, log.dt, np.hypot(counts[0], counts[1]))
+    counts = np.array([[resolution_of(x) for x in y.T] for y in (log.position, log.command)])
+    found = audited(log.command, log.position, log.dt, np.hypot(*counts))
     assert found.causes[0].kind == first
     assert abs(found.rms[-1]) < 0.1 * found.rms.sum()

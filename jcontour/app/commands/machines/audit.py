@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.commands.machines.identify import log_of
+from jcontour.app.commands.machines.identify import check_columns, log_of
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.loop_results import AuditedResult
 from jcontour.app.files.results.run_metrics import MachineSummary, RunMetrics
@@ -28,10 +28,17 @@ from tuning.identification.error_causes import shares
 from tuning.identification.linear.validation import resolution_of
 
 
+def counts_of(signal: np.ndarray) -> np.ndarray:
+    """Counts of axes [m], of steps too: a steady motion visits few of its counts."""
+    steps = np.diff(signal, axis=0).round(12)
+    return np.array([min(map(resolution_of, pair)) for pair in zip(signal.T, steps.T, strict=True)])
+
+
 def command(flags: Audit) -> int:
     """Read, score, explain, store and print; exit code."""
     if flags.data is None:
         raise ValueError("audit: needs a log with a command and a position for each axis")
+    check_columns(flags)
     log = log_of(flags, asked=True)
     run = measured_run(log, flags.data.stem, flags.part, flags.axes)
     error, _ = run.error(run.tool)
@@ -40,13 +47,9 @@ def command(flags: Audit) -> int:
         score_signals(jnp.asarray(run.tool), jnp.asarray(run.command), run.reference),
     )
     replayed = Replay(metrics, *(one[None, None] for one in (run.tool, run.command, error)))
-    of_tool, of_command = (
-        np.array([resolution_of(one) for one in signal.T]) for signal in (run.tool, run.command)
-    )
+    counts = np.stack([counts_of(signal) for signal in (run.tool, run.command)])
     scored = np.asarray(run.reference.mask)
-    explained = shares(
-        run.command, run.tool, log.dt, np.hypot(of_tool, of_command), run.error, scored
-    )
+    explained = shares(run.command, run.tool, log.dt, counts, run.error, scored)
     unknown = cast(Plant, None)
     references = jax.tree.map(lambda leaf: leaf[None], run.reference)
     scenarios = Scenarios((run.job,), (False,), (MEASURED,), references, unknown)
@@ -67,7 +70,7 @@ def command(flags: Audit) -> int:
         verdict=Verdict.of([], passed="MEASURED"),
         sample_period=log.dt,
         words=[*log.words, *run.words],
-        lags=explained.lags.tolist(),
+        lags=[lag if np.isfinite(lag) else None for lag in explained.lags.tolist()],
         causes=cause_shares(explained, flags.axes),
     )
     folder = run_folder.create(

@@ -39,21 +39,28 @@ def command(flags: Identify) -> int:
 def _check(flags: Identify) -> None:
     if flags.demo == (flags.data is not None):
         raise ValueError("identify: needs a log, or --demo for simulated data, and not both")
-    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (1, 2, 3):
-        raise ValueError(
-            f"axes: needs one to three different names, received {' '.join(flags.axes)}"
-        )
+    check_columns(flags)
     if not 1 <= flags.most_order <= MOST_POLES:
         raise ValueError(f"most-order: needs 1 to {MOST_POLES}, received {flags.most_order}")
     if not 0 <= flags.most_delay <= MOST_DELAY:
         raise ValueError(f"most-delay: needs 0 to {MOST_DELAY}, received {flags.most_delay}")
-    if flags.period_ms is not None and not (np.isfinite(flags.period_ms) and flags.period_ms > 0):
-        raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
     force = flags.force_constant
     if force is not None and not (np.isfinite(force) and force > 0):
         raise ValueError(f"force-constant: needs to be above zero, received {force}")
     if flags.demo and flags.axes != tuple(DEMO):
         raise ValueError("axes: the simulated data have X and Y")
+
+
+def check_columns(flags: Logged) -> None:
+    """Refuse names, a period and a length that no log has."""
+    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (1, 2, 3):
+        raise ValueError(
+            f"axes: needs one to three different names, received {' '.join(flags.axes)}"
+        )
+    if flags.period_ms is not None and not (np.isfinite(flags.period_ms) and flags.period_ms > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
+    if not isinstance(flags.length_unit, str) and not 0 < flags.length_unit < np.inf:
+        raise ValueError(f"length-unit: needs to be above zero, received {flags.length_unit}")
 
 
 def log_of(flags: Logged, asked: bool = False) -> Log:

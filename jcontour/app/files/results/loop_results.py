@@ -55,7 +55,7 @@ class AuditedResult(SimulatedResult):
     """A measured run, with the causes of its error."""
 
     words: list[str]  # where the signals were in the log, and what was done to them
-    lags: list[float]  # of the axes behind their commands [s]
+    lags: list[float | None]  # of the axes behind their commands [s]; None of one that rests
     # the largest share first, the unexplained part last; together they are the error
     causes: list[CauseShare]
 

@@ -9,6 +9,7 @@ import xarray as xr
 from jcontour.app.cli import main
 from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.stored import read_result
+from jcontour.app.reports.causes import audit_answer
 from jcontour.app.reports.rollouts import ROLLOUTS
 
 MOVED = 0.05  # [m] of the part in the log
@@ -48,6 +49,31 @@ def test_a_measured_run_has_the_error_of_the_simulated_one(audited, capsys):
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
 
 
+def test_the_screen_says_what_was_taken_for_granted(audited, tmp_path, capsys):
+    """A quarter of the log, its times without unit in us, beside an axis at rest."""
+    _, log, out = audited
+    rows = np.loadtxt(log, delimiter=",", skiprows=1)
+    rows = (rows - [0, *4 * [MOVED]])[: len(rows) // 4] * [1e6, *4 * [1e3]]
+    quarter = tmp_path / "quarter.csv"
+    heads = "time,x_command,y_command,x_position,y_position,z_command,z_position"
+    np.savetxt(
+        quarter,
+        np.hstack([rows, np.zeros((len(rows), 2))]),
+        "%.12g",
+        ",",
+        header=heads,
+        comments="",
+    )
+    flags = ["--axes", "X", "Y", "Z", "--part", "part.ngc", "--out", str(out)]
+    assert main(["audit", str(quarter), *flags]) == 0
+    assert "Note" in capsys.readouterr().out
+    result = read_result(out, AuditedResult)
+    notes = [one.text for one in audit_answer(result) if one.heading == "Note"]
+    assert len(notes) == 2 and "taken as us" in notes[0] and "% of the part alone" in notes[1]
+    assert result.lags[2] is None and result.lags[0] is not None
+    assert "Z" not in next(one.text for one in result.causes if one.kind == "lag")
+
+
 def test_what_is_no_run_of_the_part_is_refused_in_a_line(audited, tmp_path, capsys):
     _, log, out = audited
     assert main(["audit", str(log), "--part", "lobes", "--out", str(out)]) == 2
@@ -56,6 +82,14 @@ def test_what_is_no_run_of_the_part_is_refused_in_a_line(audited, tmp_path, caps
     still.write_text("time,x_command,y_command,x_position,y_position\n" + "0,1,1,1,1\n" * 9)
     assert main(["audit", str(still), "--out", str(out)]) == 2
     assert "time has to grow" in capsys.readouterr().err
+    for flags, said in (
+        ("--axes X X", "one to three different names"),
+        ("--axes X --part lobes", "one axis follows its command and no path"),
+        ("--period-ms 0", "--period-ms: needs to be above zero"),
+        ("--length-unit -1", "--length-unit: needs to be above zero"),
+    ):
+        assert main(["audit", str(log), *flags.split(), "--out", str(out)]) == 2
+        assert said in capsys.readouterr().err
     assert main(["audit", str(still), "--period-ms", "1", "--out", str(out)]) == 2
     assert "the commands do not move" in capsys.readouterr().err
     assert not out.exists()
