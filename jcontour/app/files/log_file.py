@@ -6,7 +6,7 @@ x_position_deg. An angle is kept in rad where a length is in m.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from jcontour.app.files.checks import METRES, RADIANS
 from jcontour.app.files.clock import SECONDS, likely_unit, longest_even_part, resampled
 from jcontour.app.files.log_table import Table, finite, read_table
 
-LENGTHS = METRES | RADIANS
+LENGTHS = METRES | {"inch": 0.0254} | RADIANS
+COUNTS = "counts"  # of which --length-unit states the metres
 RATES = tuple(f"{unit}{per}" for unit in LENGTHS for per in ("/s", "_per_s"))
 COMMAND_UNITS = (*LENGTHS, *RATES, "v", "mv", "a", "ma", "n", "nm", "rpm", "%", "percent", "counts")
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
@@ -26,6 +27,7 @@ POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
 ANGLE = "1 rad stands where tables have 1 m, as at a radius of 1 m"
 LISTED = 40  # columns that a refusal names
 HAL = {"command": "cmd", "position": "fb"}  # pins of LinuxCNC's joints
+PERIODS = 1e-6, 0.5  # [s] of logs, at least and at most
 TIME_WORDS = ("time", "t", "timestamp")
 
 
@@ -37,7 +39,8 @@ class LogColumns:
     # command, position: names by axis; found by themselves when empty
     command: tuple[str, ...] = ()
     position: tuple[str, ...] = ()
-    length_unit: str = "mm"  # of the positions, where their names do not say
+    # of the positions, where their names do not say; a number: the metres of one, as of a count
+    length_unit: str | float = "mm"
     period: float | None = None  # [s]; a column of time is then not read
     asked: bool = False  # whether the commands are positions too: they become [m] alike
 
@@ -59,11 +62,11 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     A gap, or a clock that starts again, splits the record: its longest part is used, and that is
     said. Stamps that jitter are interpolated to even ones, with their largest deviation said.
     """
-    table = read_table(path)
-    called, in_units = (ASKED_WORDS, LENGTHS) if columns.asked else (COMMAND_WORDS, COMMAND_UNITS)
+    table, lengths = read_table(path), (*LENGTHS, COUNTS)
+    called, in_units = (ASKED_WORDS, lengths) if columns.asked else (COMMAND_WORDS, COMMAND_UNITS)
     commands = _named(path, table, columns.command, axes, called, "command", in_units)
-    positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", LENGTHS)
-    units = [_unit(one, LENGTHS) or columns.length_unit for one in positions]
+    positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", lengths)
+    units = [_unit(one, lengths) or columns.length_unit for one in positions]
     signals = np.stack([_column(path, table, one) for one in [*commands, *positions]], axis=1)
     words = [
         f"{name}: command {u}, position {y}" + (f", an angle: {ANGLE}" if unit in RADIANS else "")
@@ -83,6 +86,11 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
             raise ValueError(f"{path}: {error}") from None
         dt, keep = part.dt, part.rows
         words += [part.words] if part.words else []
+    if not PERIODS[0] <= dt <= PERIODS[1]:
+        raise ValueError(
+            f"{path}: a sample every {1e3 * dt:g} ms is no period of a drive; is the unit of its "
+            "column of time right? Call it time_ms or time_us, or give --period-ms"
+        )
     signals = signals[keep]
     for name, values in zip([*commands, *positions], signals.T, strict=True):
         finite(path, name, values, keep.start or 0)
@@ -90,9 +98,9 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
         signals = resampled(stamps[keep], dt, signals)
     command, position = np.split(signals, 2, axis=1)
     if columns.asked:
-        command = command * [LENGTHS[_unit(u, LENGTHS) or columns.length_unit] for u in commands]
-    angles = tuple(unit in RADIANS for unit in units)
-    return Log(dt, command, position * [LENGTHS[one] for one in units], tuple(words), angles)
+        command = command * [_metres(path, one, columns) for one in commands]
+    position = position * [_metres(path, one, columns) for one in positions]
+    return Log(dt, command, position, tuple(words), tuple(unit in RADIANS for unit in units))
 
 
 def _stamps(
@@ -128,7 +136,7 @@ def _named(
     axes: Sequence[str],
     words: Sequence[str],
     what: str,
-    units: Sequence[str] | dict[str, float],
+    units: Sequence[str],
 ) -> list[str]:
     """Names of one column for each axis."""
     if given:
@@ -142,7 +150,7 @@ def _named(
         name = axis.lower()
         wanted = [f"{name}_{word}" for word in words] + [f"{word}_{name}" for word in words]
         wanted.append(f"joint.{len(columns)}.motor-pos-{HAL[what]}")
-        column = _first(table, wanted, tuple(units))
+        column = _first(table, wanted, units)
         if column is None:
             raise ValueError(
                 f"{path}: has no column {name}_{what}; name one per axis with --{what}-columns; "
@@ -161,13 +169,22 @@ def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | No
     return None
 
 
-def _unit(name: str, units: dict[str, float]) -> str | None:
+def _unit(name: str, units: Collection[str]) -> str | None:
     """Unit at the end of a column's name, or before the number of a matrix's column."""
     name = re.sub(r"_\d+$", "", name.strip().lower())
     match = re.search(r"(?:_([^\W_]+)|\[(\w+)\]|\((\w+)\))$", name)
     end = next((one for one in match.groups() if one), None) if match else None
     end = None if end is None else end.rsplit("_", 1)[-1]
     return end if end in units else None
+
+
+def _metres(path: Path, name: str, columns: LogColumns) -> float:
+    """Metres, or radians, of one in a column of positions."""
+    unit, other = _unit(name, (*LENGTHS, COUNTS)), columns.length_unit
+    if unit == COUNTS and isinstance(other, str):
+        raise ValueError(f"{path}: {name}: give the metres of a count, as --length-unit 1e-6")
+    known = other if unit in (None, COUNTS) else unit
+    return LENGTHS[known] if isinstance(known, str) else known
 
 
 def _column(path: Path, table: Table, name: str) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Columns of numbers from what drives and programs record: text, netCDF and MAT files."""
 
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from io import BytesIO
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from jcontour.app.files.checks import bytes_of, line
+from jcontour.app.files.checks import LARGEST, bytes_of, line
 from jcontour.app.files.mat_file import NUMERIC, read_mat
 
 MOST_BYTES = 512 * 2**20
@@ -17,6 +18,8 @@ SURE_ROWS = 5  # of numbers in a row: the text above them is over
 COMMENTS = "#%/"
 SEPARATORS = "\t;"
 SPACES = r"\s+"
+TRACE = b"<traceData"  # in what a SINUMERIK saves of its servo trace
+PERIOD = re.compile(r"Sampling period is (\d+) nSec")  # above the samples of LinuxCNC's halscope
 SCOPE = "Name"  # above the times of a TwinCAT scope, in the row that names its channels
 
 Table = dict[str, Float[np.ndarray, " T"]]
@@ -36,6 +39,8 @@ def read_table(path: Path) -> Table:
         table = _vectors(read_mat(path))
     elif path.suffix.lower() in (".nc", ".h5", ".hdf5"):
         table = _vectors(_netcdf(path))
+    elif TRACE in content:
+        table = _trace(path, content)
     else:
         table = _text(path, content)
     if not table:
@@ -44,16 +49,20 @@ def read_table(path: Path) -> Table:
 
 
 def finite(path: Path, name: str, values: Float[np.ndarray, " T"], above: int = 0) -> None:
-    """Refuse a column that lacks a number."""
-    bad = np.flatnonzero(~np.isfinite(values))
+    """Refuse a column that lacks a number, or has one that no machine has."""
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
     if bad.size:
-        row = above + bad[0] + 1
-        raise ValueError(f"{path}: column {name} holds no number in row {row} behind the header")
+        row, what = above + bad[0] + 1, "no number"
+        if np.isfinite(values[bad[0]]):
+            what = f"{values[bad[0]]:.3g}, more than {LARGEST:g},"
+        raise ValueError(f"{path}: column {name} holds {what} in row {row} behind the header")
 
 
 def _text(path: Path, content: bytes) -> Table:
     if not content.strip():
         raise ValueError(f"{path}: is empty")
+    if content[:2] in (BOM_UTF16_LE, BOM_UTF16_BE):
+        content = content.decode("utf-16", errors="replace").encode()
     if b"\0" in content[:HEAD_BYTES]:
         raise ValueError(f"{path}: cannot be read as text; export it as CSV")
     encoding = "utf-8-sig"
@@ -92,10 +101,12 @@ def _text(path: Path, content: bytes) -> Table:
     columns = {int(k): frame[k].to_numpy() for k in frame.columns}
     scope = _scope(head[:first], separator, len(columns))
     if scope:
-        columns = _under_scope(path, columns, scope, separator != ",")
+        columns = _under_scope(path, columns, scope)
         head[first - 1] = separator.join(scope)
     names = _names(path, head[:first], columns, separator)
-    numbers = {name: _numbers(columns[k], separator != ",") for k, name in names.items()}
+    numbers = {name: _numbers(columns[k]) for k, name in names.items()}
+    if (period := PERIOD.search("".join(head[:first]))) and "time_s" not in numbers:
+        numbers["time_s"] = 1e-9 * int(period[1]) * np.arange(len(frame))
     return {name: one for name, one in numbers.items() if np.isfinite(one).any()}
 
 
@@ -111,12 +122,12 @@ def _scope(above: list[str], separator: str, count: int) -> list[str]:
 
 
 def _under_scope(
-    path: Path, columns: dict[int, np.ndarray], heads: list[str], comma: bool
+    path: Path, columns: dict[int, np.ndarray], heads: list[str]
 ) -> dict[int, np.ndarray]:
     """Rows of samples; channels of several rates, each with its times, are refused."""
     stamped = [k for k, name in enumerate(heads) if name.startswith("time_ms") and k in columns]
     words = np.array([[str(cell) for cell in columns[k]] for k in stamped], dtype=str)
-    times = pd.DataFrame(np.char.replace(words, ",", ".") if comma else words).T
+    times = pd.DataFrame(np.char.replace(words, ",", ".")).T
     stamps = times.apply(pd.to_numeric, errors="coerce").to_numpy()
     rows = np.isfinite(stamps).any(axis=-1)
     if not rows.any():
@@ -154,16 +165,17 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _numbers(column: np.ndarray, comma: bool) -> Float[np.ndarray, " T"]:
+def _numbers(column: np.ndarray) -> Float[np.ndarray, " T"]:
     """A column as numbers, seconds where it holds stamps of time; all NaN for one of text."""
     if column.dtype.kind in NUMERIC:
         return column.astype(float)
-    words = np.array([str(cell).strip() for cell in column])
-    points = np.char.replace(words, ",", ".") if comma else words
+    points = pd.Series([str(cell).strip().replace(",", ".") for cell in column])
     numbers = np.asarray(pd.to_numeric(points, errors="coerce"), float)
     if np.isfinite(numbers).mean() >= 0.5:
         return numbers
-    stamps = pd.to_datetime(pd.Series(words), format="ISO8601", errors="coerce", utc=True)
+    stamps = pd.to_datetime(points, format="ISO8601", errors="coerce", utc=True)
+    if stamps.isna().all():  # no dates; of the time of day
+        stamps = pd.to_timedelta(points.where(points.str.contains(":")), errors="coerce")
     return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy()
 
 
@@ -185,6 +197,23 @@ def _names(
     if len(set(names.values())) < len(names):
         raise ValueError(f"{path}: two columns have the same name; has {', '.join(names.values())}")
     return names
+
+
+def _trace(path: Path, content: bytes) -> Table:
+    """Signals of a SINUMERIK's servo trace by the names that its display gives them."""
+
+    def rows(tag: str) -> pd.DataFrame:
+        return pd.read_xml(BytesIO(content), xpath=f".//{tag}", attrs_only=True, parser="etree")
+
+    try:
+        frame, kept, named = rows("rec"), rows("dataSignal"), rows("signal")
+        keys = dict(zip(kept["id"], kept["key"], strict=True))
+        words = dict(zip(named["key"], named["name"], strict=True))
+        heads = {one: str(words.get(keys.get(one), one)).lower() for one in frame}
+    except (ValueError, KeyError, SyntaxError) as error:
+        raise ValueError(f"{path}: not a readable trace of a SINUMERIK ({line(error)})") from None
+    numbers = {heads[one]: _numbers(frame[one].to_numpy()) for one in frame}
+    return {"time_s" if name == "time" else name: column for name, column in numbers.items()}
 
 
 def _netcdf(path: Path) -> dict[str, np.ndarray]:

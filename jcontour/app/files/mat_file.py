@@ -52,9 +52,10 @@ def _fields(above: str, arrays: Mapping[str, np.ndarray]) -> Iterator[tuple[str,
             continue
         if values.dtype.kind in NUMERIC:
             yield above + name, values
-        elif values.dtype.names and values.size == 1:
-            one = values.flat[0]
-            yield from _fields(f"{above}{name}.", dict(zip(values.dtype.names, one, strict=True)))
+        elif values.dtype.names:
+            for k, one in enumerate(values.flat, 1):  # of several `rec_1`, `rec_2`
+                called = f"{above}{name}{f'_{k}' if values.size > 1 else ''}."
+                yield from _fields(called, dict(zip(values.dtype.names, one, strict=True)))
 
 
 if __name__ == "__main__":

@@ -50,7 +50,12 @@ def test_times_without_a_unit_are_in_the_one_that_suits_a_drive(tmp_path, dt, un
     assert len(said) == (unit != "s") and all(f"taken as {unit}" in words for words in said)
     assert read_log(path, ("X", "Y"), LogColumns(period=0.5)).dt == 0.5
     stated, _ = written(tmp_path, dt * np.arange(ROWS), ("time_s", *HEADS[1:]))
-    assert read_log(stated, ("X", "Y"), LogColumns()).dt == pytest.approx(dt)
+    if dt <= 0.5:
+        assert read_log(stated, ("X", "Y"), LogColumns()).dt == pytest.approx(dt)
+    else:  # no drive's
+        with pytest.raises(ValueError, match="is the unit of its column of time right"):
+            read_log(stated, ("X", "Y"), LogColumns())
+        assert read_log(stated, ("X", "Y"), LogColumns(period=0.001)).dt == 0.001
 
 
 def test_commands_may_say_their_unit(tmp_path):
@@ -92,6 +97,18 @@ def test_axes_that_turn(tmp_path):
     assert np.allclose(log.command, signals[:, :2])
 
 
+def test_counts_have_the_length_that_is_given(tmp_path):
+    heads = ("time_s", *(f"{one}_counts" for one in HEADS[1:4]), "y_position_inch")
+    path, signals = written(tmp_path, heads=heads)
+    with pytest.raises(ValueError, match="x_position_counts: give the metres of a count"):
+        read_log(path, ("X", "Y"), LogColumns())
+    log = read_log(path, ("X", "Y"), LogColumns(length_unit=5e-8))
+    assert np.allclose(log.position, signals[:, 2:] * [5e-8, 0.0254])
+    assert np.allclose(log.command, signals[:, :2])
+    asked = read_log(path, ("X", "Y"), LogColumns(length_unit=5e-8, asked=True))
+    assert np.allclose(asked.command, 5e-8 * signals[:, :2])
+
+
 def test_a_period_in_the_place_of_time(tmp_path):
     path, _ = written(tmp_path, heads=("nothing", *HEADS[1:]))
     with pytest.raises(ValueError, match="no column of time; name it with --time-column"):
@@ -130,3 +147,9 @@ def test_faults_are_told_with_their_place(tmp_path):
 
     with pytest.raises(ValueError, match="column y_command holds no number in row 8 behind"):
         read_log(written(tmp_path, change=broken)[0], ("X", "Y"), LogColumns())
+
+    def huge(rows):
+        rows[7, 2] = 1e30
+
+    with pytest.raises(ValueError, match=r"y_command holds 1e\+30, more than 1e\+12, in row 8"):
+        read_log(written(tmp_path, change=huge)[0], ("X", "Y"), LogColumns())

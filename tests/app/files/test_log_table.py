@@ -71,16 +71,59 @@ def test_decimal_commas_as_many_drives_write_them(tmp_path):
         ("Period is 100 ns\n\nx +0,5 y -1,5 \nx +0,5 y 2e-3 \n", ["x", "y"], [0.5, 2e-3]),
         ("stamp;u\n2024-01-01 10:00:59;1\n2024-01-01 10:01:01;2\n", ["stamp", "u"], [2, 2]),
         ("t;wei\xdf\n0;1\n1;2\n", ["t", "wei\xdf"], [1, 2]),
+        ('t,u\n"0,5","1"\n"0,75","-2,5"\n', ["t", "u"], [0.75, -2.5]),
+        ("stamp,u\n23:59:59.5,1\n23:59:59.75,2\n", ["stamp", "u"], [0.25, 2]),
+        (
+            "Sampling period is 500000 nSec \n\nx +1 y 0 \nx +2 y 3 \n",
+            ["x", "y", "time_s"],
+            [2, 3, 5e-4],
+        ),
     ],
 )
 def test_what_drives_write_beside_numbers(tmp_path, text, names, last):
-    """Comments as header, separators at line ends, text, empty cells, names in lines, stamps."""
+    """Comments as header, separators at line ends, text, empty cells, names in lines, stamps.
+
+    Decimal commas in quotes; the period above what LinuxCNC's halscope writes.
+    """
     path = tmp_path / "log.txt"
     path.write_text(text, encoding="cp1252")
     table = read_table(path)
     assert list(table) == names and [one[-1] for one in table.values()] == last
     if "state" in text:
         assert np.isnan(table["u"][1])
+
+
+def test_text_in_two_bytes_a_letter(tmp_path):
+    path = tmp_path / "log.txt"
+    path.write_text("t;u\n0,5;1\n0,75;-2,5\n", encoding="utf-16")
+    table = read_table(path)
+    assert table["t"].tolist() == [0.5, 0.75] and table["u"].tolist() == [1, -2.5]
+
+
+TRACE = """<?xml version="1.0"?><traceSession><traceDisplaySetup><signals>
+<signal key="a" name="cmdPos X"/><signal key="b" name="measPos X"/></signals></traceDisplaySetup>
+<traceData><dataFrame><dataSignal id="f1" key="b"/><dataSignal id="f2" key="a"/>
+<rec time="0" f1="1.5" f2="2"/><rec time="0.004" f1="-2.5"/></dataFrame></traceData></traceSession>
+"""
+
+
+def test_a_servo_trace_of_a_sinumerik(tmp_path):
+    """Its signals by the names of its display; one that a row lacks is no number there."""
+    path = tmp_path / "trace.xml"
+    path.write_text(TRACE)
+    table = read_table(path)
+    assert table["time_s"].tolist() == [0, 0.004] and table["measpos x"].tolist() == [1.5, -2.5]
+    assert table["cmdpos x"][0] == 2 and np.isnan(table["cmdpos x"][1])
+    path.write_text(TRACE[:-60])
+    with pytest.raises(ValueError, match="not a readable trace of a SINUMERIK"):
+        read_table(path)
+
+
+def test_structs_in_an_array_as_signals_of_simulink(tmp_path):
+    signals = np.array([(ROWS[:, 1],), (ROWS[:, 2],)], dtype=[("values", object)])
+    savemat(tmp_path / "log.mat", {"out": {"time": ROWS[:, 0], "signals": signals}})
+    table = read_table(tmp_path / "log.mat")
+    assert table["out.signals_2.values"].tolist() == [-2.0, 1e-3]
 
 
 def test_structs_of_a_mat_file_and_its_version_7_3(tmp_path):
@@ -126,7 +169,7 @@ def test_faults_are_told(tmp_path):
         path.write_text(text)
         with pytest.raises(ValueError, match=words):
             read_table(path)
-    path.write_bytes(b"\xff\xfe1\x00,\x002\x00")
+    path.write_bytes(b"1\x00,\x002\x00")
     with pytest.raises(ValueError, match="cannot be read as text"):
         read_table(path)
     for name, words in (("log.mat", "not a readable MAT"), ("log.nc", "not a readable netCDF")):
