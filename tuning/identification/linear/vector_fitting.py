@@ -4,7 +4,9 @@
 
 r_0 is there with an integrator; c is what a delay of a part of a sample leaves. The poles are found
 by Gustavsen and Semlyen's iteration (IEEE Trans. Power Delivery 14, 1999): sigma G and sigma have
-the same poles, the zeros of sigma are the next ones.
+the same poles, the zeros of sigma are the next ones. Nothing is known above the lines but that
+masses move: there a gain as large as that of a mass, from `BEYOND` times the last line on, counts
+like a line that is missed by its deviation.
 """
 
 from dataclasses import replace
@@ -23,6 +25,7 @@ BEGIN = 0.03  # damping of the first poles
 ALIKE = 1.05  # ratio of what two delays leave that does not tell them apart
 BESIDE = 0.3  # of the distance of a pole from the unit circle: a zero so near cancels it
 NARROW = 0.2  # of the distance of lines: a sharper peak is one line's error
+BEYOND, ABOVE = 2.0, 12  # times the last line; places from there to half the sampling rate
 
 
 def fitted_to(
@@ -46,6 +49,11 @@ def fitted_to(
     w = 2 * np.pi * dt * lines.frequency
     weight = 1 / (np.abs(lines.value) * np.hypot(lines.half_width / 2, floor))
     spacing = float(np.median(np.diff(w)))
+    if BEYOND * w[-1] < np.pi:
+        above = np.geomspace(BEYOND * w[-1], np.pi, ABOVE)
+        mass = np.abs(lines.value[-1]) * (above[0] / above) ** 2
+        nothing = Response(above / (2 * np.pi * dt), 0j * above, mass)
+        lines, w, weight = joined(lines, nothing), np.append(w, above), np.append(weight, 1 / mass)
     best, least = None, np.inf
     lefts: dict[tuple[int, int, int], tuple[AxisModel, float]] = {}
     for i, poles in product(integrators, range(most_poles + 1)):
@@ -114,7 +122,7 @@ def _fitted(
 ) -> tuple[AxisModel, float]:
     z = np.exp(1j * w)
     G = lines.value * z**delay
-    poles = _first(w, n)
+    poles = _first(w[lines.value != 0], n)
     for _ in range(ROUNDS if n else 0):
         basis = _basis(z, poles)
         own = np.column_stack([basis, *_rest(z, integrators)])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete
 
 from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_resonance
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
@@ -97,7 +98,23 @@ def test_zeros_lie_inside_the_unit_circle_unless_the_lines_show_that_they_do_not
     zeros = np.roots(fitted_to(lines, DT, 3, 4, (1,)).numerator)
     pair = zeros[np.argmin(np.abs(np.angle(zeros) - turn))]
     assert np.abs(pair) == pytest.approx(kept, abs=1e-4)
-    assert np.angle(pair) == pytest.approx(turn, rel=1e-3)
+    assert np.angle(pair) == pytest.approx(turn, rel=2e-3)
+
+
+def test_a_model_moves_no_more_than_a_mass_above_the_lines():
+    """A drive sampled at 4 kHz, its lines up to 150 Hz: a step of its command is no jump."""
+    w, z, dt = 2 * np.pi * 60.0, 0.15, 0.25e-3
+    a, b, *_ = cont2discrete(([90.0 * w**2], np.poly([-90.0, *w * np.roots([1, 2 * z, 1])])), dt)
+    axis = AxisModel(b[1:], a.ravel()[1:], 0, 6, dt)
+    hertz = np.geomspace(1.0, 150.0, 100)
+    true = axis.response(2 * np.pi * hertz)
+    random = np.random.default_rng(3)
+    width = 0.01 + 1e-4 * (hertz / 10) ** 2
+    errors = (random.normal(size=100) + 1j * random.normal(size=100)) * width / 4
+    model = fitted_to(Response(hertz, true * (1 + errors), width), dt, 5, 10, (0,))
+    above = 2 * np.pi * np.geomspace(300.0, 1900.0, 20)
+    mass = np.abs(true[-1]) * (2 * np.pi * 150.0 / above) ** 2
+    assert np.all(np.abs(model.response(above)) < 4 * mass)
 
 
 def test_noise_of_a_command_that_is_sampled_fast_hides_no_period(record):
