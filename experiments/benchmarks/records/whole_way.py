@@ -55,6 +55,7 @@ NOISE = 0.3  # of a count
 REST = 4.0  # [s] behind a contour: in its second half nothing may move on
 RINGS = 3.0  # counts, peak to peak half, at the end of it
 KNOCK = 1e-5  # [m] from which a linear loop has to come back
+GROWN = 1.001  # of what is left a tenth of the run before: more grows
 SAFE, RMS, PEAK = 3.0, 1.15, 1.3  # asked of USE: Ms, and errors over the printed worst
 
 
@@ -307,8 +308,10 @@ def _on_the_machine(
     """The tuned loop on the machine itself."""
     dt = loop.machine.model.dt
     ratios, rings = [], 0.0
-    for job, printed in zip(loop.scenarios.jobs, told.contours, strict=True):
-        whole = with_held_end(job, round(REST / dt))
+    jobs = loop.scenarios.jobs
+    longest = max(job.samples for job in jobs) + round(REST / dt)  # of all: one compiled program
+    for job, printed in zip(jobs, told.contours, strict=True):
+        whole = with_held_end(job, longest - job.samples)
         reference = whole.reference(dt, controller.preview)
         found = _followed(axes, controller, reference, dt)
         scores = [
@@ -326,14 +329,14 @@ def _on_the_machine(
         rest = found.position[-round(REST / 2 / dt) :]
         counts = np.ptp(rest, axis=0) / np.array([one.count for one in axes]) / (2 * RINGS)
         rings = max(rings, float(np.nan_to_num(counts, nan=np.inf).max()))
-    still = loop.scenarios.jobs[0].reference(dt, controller.preview)
+    still = with_held_end(jobs[0], longest - jobs[0].samples).reference(dt, controller.preview)
     linear = [replace(one.linear, count=0.0) for one in axes]
     calm, knocked = (_followed(linear, controller, still, dt, by) for by in (0.0, KNOCK))
     left = np.abs(knocked.position - calm.position)
     tenth = len(left) // 10
-    stable = bool(
-        np.all(left[-tenth:].max(axis=0) < 0.5 * left[tenth : 2 * tenth].max(axis=0) + 1e-9)
-    )
+    before, last = left[-2 * tenth : -tenth].max(axis=0), left[-tenth:].max(axis=0)
+    # held integrals leave a part of it
+    stable = bool(np.all((last < GROWN * before + 1e-9) & (last < KNOCK)))
     rms, peak, tool = np.max(ratios, axis=0).tolist()
     return replace(
         way,
