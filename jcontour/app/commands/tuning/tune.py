@@ -31,6 +31,7 @@ from jcontour.app.runs.tuning.results import (
     Trial,
     baseline_trial,
     history_of,
+    recommended,
     robust_trial,
     shown_contours,
     start_trial,
@@ -42,10 +43,10 @@ from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched
 from jcontour.app.runs.tuning.simple_loops import (
     SimpleLoop,
     best_simple,
+    candidates,
     is_chosen,
     simple_loops,
     simple_words,
-    simplest,
 )
 
 SIMPLE = "simple-loop"  # folder of its search
@@ -84,13 +85,16 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     # the start is tried meanwhile, and what of the tuned weights does not wait for the rest
     with Beside(tried.__module__) as process:
         start = start_trial(run, process)
-        chosen, loops = _chosen(run, folder, console)
+        ends, loops = _candidates(run, folder, console)
         with working(bar_of(run), "trying start and tuned weights on every contour and plant"):
             first = start()
-            chosen, last = suiting_all(chosen, first, process)
+            pairs = [suiting_all(one, first, process) for one in ends]
+            chosen, last = recommended(pairs, run, first)
             trials = {"start": first, "tuned": last}
             more_plants = robust_trial(chosen.run, chosen.tuned, process)
             baseline = baseline_trial(run, first, loops)
+        if (name := chosen.run.design.name) != run.design.name:
+            tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
         run, tuned = chosen.run, chosen.tuned
         with drawn_beside(figures(run, trials, folder)):
             # Write the runs of the trials, and the gains
@@ -120,8 +124,10 @@ def bar_of(run: TuningRun) -> Console:
     return tables.console_of(stderr=True, quiet=run.flags.json)
 
 
-def _chosen(run: TuningRun, folder: Path, console: Console) -> tuple[Searched, list[SimpleLoop]]:
-    """The search of the controller, or of a simple loop where it is as good; the simple loops.
+def _candidates(
+    run: TuningRun, folder: Path, console: Console
+) -> tuple[list[Searched], list[SimpleLoop]]:
+    """The search of the controller, that of a simple loop where it is as good; the simple loops.
 
     The search comes first: from its first point on the folder holds something to go on with.
 
@@ -129,7 +135,7 @@ def _chosen(run: TuningRun, folder: Path, console: Console) -> tuple[Searched, l
         RuntimeError: no point could be evaluated without a diverging plant.
     """
     if is_chosen(run.flags):
-        return _descended(run, folder, console), []
+        return [_descended(run, folder, console)], []
     descended, failure = None, None
     try:
         descended = _descended(run, folder, console)
@@ -150,13 +156,12 @@ def _chosen(run: TuningRun, folder: Path, console: Console) -> tuple[Searched, l
             return None
 
     best = best_simple(loops)
-    chosen = descended if best is None else simplest(best, descended, search)
-    if chosen is None:
+    known = [] if descended is None else [descended]
+    found = known if best is None else candidates(best, descended, search)
+    if not found:
         assert failure is not None
         raise failure
-    if (name := chosen.run.design.name) != run.design.name:
-        tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
-    return chosen, loops
+    return found, loops
 
 
 def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:

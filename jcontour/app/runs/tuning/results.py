@@ -131,6 +131,26 @@ def suiting_all(
     return best
 
 
+def recommended(
+    tried: Sequence[tuple[Searched, Trial]], run: TuningRun, start: Trial
+) -> tuple[Searched, Trial]:
+    """Of candidates, the simplest first, the one to load, by their trials with all effects.
+
+    That is one within every stated limit, with which no contour is clearly worse than with a
+    usable start; among such the first unless the geometric mean error of another is `PAYS` times
+    less.
+    """
+    if len(tried) == 1:
+        return tried[0]
+    usable, orders = keeps_limits(run, start), []
+    for k, (searched, trial) in enumerate(tried):
+        beyond = not keeps_limits(searched.run, trial)
+        worse = usable and not _suits(run, start, trial)
+        typical = float(np.exp(np.mean(np.log(_errors(run, trial)))))
+        orders.append((beyond, worse, typical if k else typical / PAYS))
+    return tried[orders.index(min(orders))]
+
+
 def _suits(run: TuningRun, start: Trial, trial: Trial) -> bool:
     """Whether no contour is clearly worse than with the start."""
     before, after = _errors(run, start), _errors(run, trial)

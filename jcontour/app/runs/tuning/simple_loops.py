@@ -141,14 +141,19 @@ def peak_sensitivity(outcome: Outcome) -> float | None:
     return None if outcome.loops is None else float(np.max(outcome.loops.sensitivity))
 
 
-def simplest(simple: SimpleLoop, searched: Searched | None, search: Search) -> Searched | None:
-    """The simple loop where it is recommended; else the search of the controller."""
+def candidates(simple: SimpleLoop, searched: Searched | None, search: Search) -> list[Searched]:
+    """What may be recommended: the simple loop, tuned, where it is as good, and the controller.
+
+    Both where both keep the limits of the search.
+    """
     if searched is not None and searched.tuned.feasible and simple.error > REACH * _error(searched):
-        return searched
+        return [searched]
     tuned = search(simple.run)
     if tuned is None or searched is None:
-        return tuned or searched
-    return tuned if _recommended(tuned, searched) else searched
+        return [one for one in (tuned, searched) if one is not None]
+    if not _recommended(tuned, searched):
+        return [searched]
+    return [tuned, searched] if searched.tuned.feasible else [tuned]
 
 
 def _recommended(simple: Searched, searched: Searched) -> bool:

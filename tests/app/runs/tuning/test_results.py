@@ -6,7 +6,7 @@ import pytest
 from jcontour.app.designs.design import Design
 from jcontour.app.runs.tuning import results
 from jcontour.app.runs.tuning.problem import TuningRun
-from jcontour.app.runs.tuning.results import Trial, baseline_trial, suiting_all
+from jcontour.app.runs.tuning.results import Trial, baseline_trial, recommended, suiting_all
 from jcontour.app.runs.tuning.searching import Searched
 from jcontour.app.runs.tuning.simple_loops import SimpleLoop
 from tests.app.small_runs import partly
@@ -81,3 +81,24 @@ def test_weights_step_back_to_where_no_contour_pays(monkeypatch, rise, last_kept
     assert back.part == part and way(trial) == pytest.approx(part)
     assert back.tuned.weights is trial
     assert back.tuned.prices == (["dear"] if part == 1.0 else [])
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "chosen"),
+    [
+        ([1.0, 1.0], [0.95, 0.95], 0),  # a simpler loop needs no reason
+        ([1.0, 1.0], [0.9, 0.9], 1),
+        ([1.2, 0.5], [1.0, 0.9], 1),  # the first makes a contour clearly worse than the start
+        ([1.2, 0.5], [1.3, 0.4], 0),  # so do both
+        (None, [1.0, 1.0], 1),  # beyond a stated limit
+    ],
+)
+def test_of_candidates_the_trials_with_all_effects_decide(monkeypatch, first, second, chosen):
+    monkeypatch.setattr(results, "_finest", lambda run: 0.0)
+    errors = {"start": [1.0, 1.0], "one": first or [0.1, 0.1], "two": second}
+    monkeypatch.setattr(results, "_errors", lambda run, trial: np.array(errors[trial.name]))
+    lost = "one" if first is None else ""
+    monkeypatch.setattr(results, "keeps_limits", lambda run, trial: trial.name != lost)
+    trials = [(partly(Searched, run=None), Trial(*[None] * 4, name=n)) for n in ("one", "two")]
+    assert recommended(trials, None, Trial(*[None] * 4, name="start")) is trials[chosen]
+    assert recommended(trials[:1], None, KEPT) is trials[0]
