@@ -27,6 +27,7 @@ from jcontour.analysis.frozen_loops import (
     turned,
 )
 from jcontour.analysis.uncertain_loops import (
+    NEARER,
     ResponseUncertainty,
     measured_sensitivity,
     uncertainty_measure,
@@ -91,12 +92,14 @@ def loop_measures(
         points = np.exp(_search_frequencies(poles))
         peak, slope = uncertainty_measure(loop, closed, responses, points, uncertainty)
         uncertain = np.where(stable, peak, np.inf), slope.only(stable)
-        if any(one.frequency.size for one in uncertainty.lines):
-            # of the first plants the peak of S around what was measured, if larger
-            highest, its_slope = measures[0]
-            peak, slope = measured_sensitivity(loop, closed, responses, uncertainty.lines)
-            larger = (peak > highest) & (np.arange(peak.shape[-1]) == 0)
-            measures[0] = np.where(larger, peak, highest), slope.only(larger, its_slope)
+        # of the first plants the peak of S around what was measured, if larger
+        for lines, part in ((uncertainty.lines, 1.0), (uncertainty.uncoupled, NEARER)):
+            if any(one.frequency.size for one in lines):
+                highest, its_slope = measures[0]
+                peak, slope = measured_sensitivity(loop, closed, responses, lines)
+                peak, slope = part * peak, jax.tree.map(lambda one, k=part: k * one, slope)
+                larger = (peak > highest) & (np.arange(peak.shape[-1]) == 0)
+                measures[0] = np.where(larger, peak, highest), slope.only(larger, its_slope)
     measures += [size, uncertain]
     values = np.stack([value for value, _ in measures], axis=-1)
     slopes = jax.tree.map(lambda *each: np.stack(each, axis=-3), *(slope for _, slope in measures))

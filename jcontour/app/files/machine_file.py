@@ -62,16 +62,16 @@ class ResponseFields(Schema):
     """abs(G_true / G - 1) at these frequencies, one row per axis"""
 
 
-class MeasuredFields(Schema):
-    """G_measured / G - 1, where a record shows the response by itself.
+class LinesFields(Schema):
+    """G_true / G - 1 at some frequencies.
 
-    A tuned loop keeps the limit on its peak sensitivity on it as well.
+    A tuned loop keeps the limit on its peak sensitivity there as well.
     """
 
     hertz: Rows
     """frequencies [Hz], one list per axis, as in the other fields"""
     real: Rows
-    """real parts of G_measured / G - 1"""
+    """real parts of G_true / G - 1"""
     imaginary: Rows
     """imaginary parts"""
     half_width: Rows
@@ -88,8 +88,11 @@ class UncertaintyFields(Schema):
     """most samples of delay that the model does not have"""
     response: ResponseFields | None = None
     """how far off the frequency response may be"""
-    measured: MeasuredFields | None = None
+    measured: LinesFields | None = None
     """the response that was measured, beside the model's"""
+    uncoupled: LinesFields | None = None
+    """likewise with less and less of the stiffness between a measured motor and its load, as in
+    backlash; delete it where there is none"""
 
 
 class LinearMachineFile(Schema):

@@ -18,6 +18,7 @@ from jcontour.app.files.machine_file import (
     FlexibleAxisFile,
     LimitFields,
     LinearMachineFile,
+    LinesFields,
     StatedFields,
     UncertaintyFields,
 )
@@ -160,26 +161,31 @@ def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE)
     return Uncertainty(fields.gain, fields.delay, _response(fields, model))
 
 
-def _lines(axis: tuple[list[float], ...], dt: float) -> Lines:
-    """Frequencies, real and imaginary parts and half widths that were measured behind a control."""
-    if len({len(part) for part in axis}) > 1:
-        raise MachineError("uncertainty.measured: its lists need one number per frequency")
-    hertz, real, imaginary, half_width = (np.array(part) for part in axis)
-    if np.any(hertz <= 0) or np.any(hertz * dt > 0.5) or np.any(half_width < 0):
-        raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
-    return Lines(2 * np.pi * dt * hertz, real + 1j * imaginary, half_width)
+def _lines(name: str, given: LinesFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
+    """Lines behind every control; none where a file says nothing."""
+    if given is None:
+        return ()
+    columns = (given.hertz, given.real, given.imaginary, given.half_width)
+    if any(len(column) != plant.axes for column in columns):
+        raise MachineError(f"uncertainty.{name}: needs {plant.axes} lists in every field")
+    lines = []
+    for axis in zip(*columns, strict=True):
+        if len({len(part) for part in axis}) > 1:
+            raise MachineError(f"uncertainty.{name}: its lists need one number per frequency")
+        hertz, real, imaginary, half_width = (np.array(part) for part in axis)
+        if np.any(hertz <= 0) or np.any(hertz * plant.dt > 0.5) or np.any(half_width < 0):
+            raise MachineError(f"uncertainty.{name}: needs frequencies up to half the sample rate")
+        lines.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
+    return tuple(lines)
 
 
 def _response(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertainty | None:
     """What a file says of the response; a frequency in rad per sample."""
-    given, one, lines = fields.response, fields.measured, ()
-    if one is not None:
-        columns = (one.hertz, one.real, one.imaginary, one.half_width)
-        if any(len(column) != plant.axes for column in columns):
-            raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
-        lines = tuple(_lines(axis, plant.dt) for axis in zip(*columns, strict=True))
+    given, names = fields.response, ("measured", "uncoupled")
+    lines = [_lines(name, getattr(fields, name), plant) for name in names]
     if given is None:
-        return ResponseUncertainty(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
+        nothing = np.ones(1), np.zeros((1, plant.axes))
+        return ResponseUncertainty(*nothing, *lines) if any(lines) else None
     name, highest = "uncertainty.response", 1 / (2 * plant.dt)
     hertz, relative = np.array(given.hertz), np.array(given.relative)
     if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
@@ -188,7 +194,7 @@ def _response(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertai
         raise MachineError(
             f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
         )
-    return ResponseUncertainty(2 * np.pi * plant.dt * hertz, relative.T, lines)
+    return ResponseUncertainty(2 * np.pi * plant.dt * hertz, relative.T, *lines)
 
 
 def stated_limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimits:

@@ -9,7 +9,7 @@ from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.uncertainty import moved, places_around
 from tuning.identification.linear import validation
-from tuning.identification.linear.axis_model import AxisModel, two_masses
+from tuning.identification.linear.axis_model import AxisModel, two_masses, uncoupled
 from tuning.identification.linear.identified_axes import IdentifiedAxis, IdentifiedMachine
 
 ROUGH = 4  # windows over which the largest acceleration is taken
@@ -47,7 +47,13 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
             width = np.maximum(width, floor)
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
-    each = [_lines(one) for one in identified.axes]
+    measured = _columns([_measured(one) for one in identified.axes])
+    apart = [
+        uncoupled(one.fit.model, 2 * np.pi * one.lines.frequency.max(initial=0.0))
+        for one in identified.axes
+    ]
+    loose = [(np.zeros(0), np.zeros(0)) if one is None else one for one in apart]
+    loose = [_lines(w / (2 * np.pi), off, 0.0 * w) for w, off in loose]
     fields = {
         "name": name,
         "length_unit": "m",
@@ -63,7 +69,8 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
             "gain": identified.gain,
             "delay": identified.late,
             "response": {"hertz": kept.tolist(), "relative": rows},
-            "measured": {field: [one[field] for one in each] for field in each[0]},
+            "measured": measured,
+            **({} if not any(one is not None for one in apart) else {"uncoupled": _columns(loose)}),
         },
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
@@ -96,13 +103,18 @@ def _lines(axis: IdentifiedAxis) -> dict[str, list[float]]:
     part = slice(None, None, -(-len(lines.frequency) // MOST_LINES) or 1)
     G = axis.fit.model.response(2 * np.pi * lines.frequency)
     off = lines.value / G - 1
-    columns = {
-        "hertz": lines.frequency,
-        "real": np.real(off),
-        "imaginary": np.imag(off),
-        "half_width": lines.half_width * np.abs(1 + off),
-    }
-    return {name: [float(f"{one:.4g}") for one in column[part]] for name, column in columns.items()}
+    width = lines.half_width * np.abs(1 + off)
+    return _lines(*(column[part] for column in (lines.frequency, off, width)))
+
+
+def _lines(hertz: np.ndarray, off: np.ndarray, width: np.ndarray) -> dict[str, list[float]]:
+    columns = {"hertz": hertz, "real": off.real, "imaginary": off.imag, "half_width": width}
+    return {name: [float(f"{one:.4g}") for one in column] for name, column in columns.items()}
+
+
+def _columns(axes: list[dict[str, list[float]]]) -> dict[str, list[list[float]]]:
+    """The same of all axes."""
+    return {name: [one[name] for one in axes] for name in axes[0]}
 
 
 def _ringing(model: AxisModel) -> list[tuple[float, float]]:

@@ -34,6 +34,14 @@ def test_what_was_measured_is_behind_each_control():
     assert machine_from(json.dumps(FIELDS).encode()).measured == ()
 
 
+def test_responses_of_a_softer_coupling_stand_beside_what_was_measured():
+    fields = {**FIELDS, "uncertainty": {"uncoupled": measured([7.0, 9.0], [])}}
+    machine = machine_from(json.dumps(fields).encode())
+    first, second = machine.response_uncertainty.uncoupled
+    assert first.frequency == pytest.approx(2 * np.pi * FIELDS["dt"] * np.array([7.0, 9.0]))
+    assert machine.measured == () and not second.frequency.size
+
+
 def test_friction_of_null_is_not_known():
     unknown = machine_from(json.dumps({**FIELDS, "friction": None}).encode(), "unknown")
     assert isinstance(unknown, LinearMachine) and unknown.friction is None

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
+from scipy.optimize import newton
 
 
 @dataclass(frozen=True)
@@ -140,5 +141,82 @@ def two_masses(model: AxisModel, force: float) -> TwoMasses | None:
 
 def _ringing(roots: np.ndarray, dt: float) -> np.ndarray:
     """Natural frequencies [rad/s] of pairs of discrete poles or zeros that ring."""
+    return np.abs(_rates(roots, dt))
+
+
+def _rates(roots: np.ndarray, dt: float) -> np.ndarray:
+    """Rates ln(z) / dt of pairs of discrete poles or zeros that ring, the slowest first."""
     rates = np.log(roots[np.imag(roots) > 0]) / dt
-    return np.abs(rates)[-np.real(rates) < RINGS * np.abs(rates)]
+    rates = rates[-np.real(rates) < RINGS * np.abs(rates)]
+    return rates[np.argsort(np.abs(rates))]
+
+
+STIFFNESS = np.linspace(0.0, 0.9, 10) ** 2  # shares of it that a gap leaves: modes 10 % apart
+SPAN, PLACES = 4.0, 16  # times both frequencies of a coupling, as far as it matters; and how many
+FOUND = 0.3  # relative distance of a root from where it was looked for
+BESIDE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])  # half widths of a peak
+
+
+def uncoupled(
+    model: AxisModel, highest: float
+) -> tuple[Float[np.ndarray, " F"], Complex[np.ndarray, " F"]] | None:
+    """How far the response is off where backlash leaves less of the stiffness of a coupling.
+
+    An oscillation that crosses a gap meets a share N of the stiffness behind it, between 0 and 1
+    (describing function of a dead zone; Slotine & Li, Applied Nonlinear Control, section 5.3): a
+    loop that is stable with every share does not keep it up. A motor that is measured has
+
+        1 / T = 1 + d s + Z(s),    Z ~ s^k (s^2 + 2 z_r w_r s + w_r^2) / (s^2 + 2 z_a w_a s + w_a^2)
+    with T its speed over that at rest, k = 1 and d = 0, or its position under a drive's loops,
+    k = 2. Both frequencies go with sqrt(N), which makes Z / R of Z.
+
+    Args:
+        model: from the command to the position.
+        highest: frequency to which it was measured [rad/s].
+
+    Returns:
+        Frequencies [rad/s] and relative errors; None where no antiresonance comes before the first
+        resonance, or that was not measured: the encoder is not before a coupling, or none is seen.
+    """
+    size = max(len(model.denominator), len(model.numerator)) + 1
+    below, above = np.zeros(size), np.zeros(size)
+    below[: len(model.denominator) + 1] = [1.0, *model.denominator]
+    above[1 : len(model.numerator) + 1] = model.numerator
+    above *= below.sum() / above.sum()
+    held = 0.0 if model.integrators == 2 else 1.0  # a mass without friction has no speed at rest
+    d = model.dt * float(np.arange(size) @ (above - below)) / float(above.sum())
+    d = d if model.integrators == 0 else 0.0
+
+    def masses(s):
+        back = np.exp(-s * model.dt)
+        return np.polyval(below[::-1], back) / np.polyval(above[::-1], back) - held - d * s
+
+    zeros = _rates(np.roots(model.numerator), model.dt)
+    rigid = np.convolve(above, [held + d / model.dt, -d / model.dt])
+    poles = _rates(np.roots(np.append(below, 0.0) - rigid), model.dt)
+    poles = poles[
+        np.abs(poles) > np.abs(zeros).min(initial=np.inf) / SPAN
+    ]  # the double one at rest
+    if not (poles.size and abs(zeros[0]) < abs(poles[0])):
+        return None
+    zero, pole = zeros[0], newton(masses, poles[0], full_output=True, disp=False)[0]
+    if not (abs(pole - poles[0]) < FOUND * abs(poles[0]) and abs(pole) < highest):
+        return None
+    frequencies, errors = [], []
+    for share in STIFFNESS:
+        around = [np.sqrt(share) * (abs(one) + BESIDE * one.real) for one in (zero, pole)]
+        w = [np.geomspace(abs(zero) / SPAN, abs(pole) * SPAN, PLACES), *(around if share else [])]
+        w = np.unique(np.concatenate(w))
+        w = w[(w > 0) & (w * model.dt < np.pi)]
+        s = 1j * w
+        ratio = _pair(s, pole) / _pair(s, zero)
+        ratio *= _pair(s, np.sqrt(share) * zero) / _pair(s, np.sqrt(share) * pole)
+        left = masses(s)
+        frequencies.append(w)
+        errors.append((held + d * s + left) / (held + d * s + left / ratio) - 1)
+    return np.concatenate(frequencies), np.concatenate(errors)
+
+
+def _pair(s: Complex[np.ndarray, " F"], root: complex) -> Complex[np.ndarray, " F"]:
+    """s^2 + 2 z w s + w^2 of a pair of roots."""
+    return s**2 - 2 * root.real * s + abs(root) ** 2

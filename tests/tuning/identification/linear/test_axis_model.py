@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, dlsim, lfilter
+from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
 
 from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_resonance
-from tuning.identification.linear.axis_model import AxisModel, two_masses
+from tuning.identification.linear.axis_model import STIFFNESS, AxisModel, two_masses, uncoupled
 
 DT = 1e-3
 MODEL = AxisModel(np.array([-1.5, 0.6]), np.array([2e-4, 1e-4, 3e-5]), 1, 3, DT)
@@ -99,3 +99,58 @@ def test_masses_and_spring_of_a_known_axis(motor, load, stiffness):
     assert found == pytest.approx((motor, load, stiffness), rel=0.01)
     at_the_load = np.array([[0.0, 0.0, 1.0, 0.0]])
     assert two_masses(model(A, B, at_the_load), FORCE) is None
+
+
+MOTOR, LOAD, HERTZ = 60.0, 30.0, 55.0  # [kg], [kg], [Hz] of the resonance
+
+
+def coupled(share, drive, at_the_load=False):
+    """Motor and load on a share of the spring; a drive is its gains of position and speed."""
+    reduced, w = MOTOR * LOAD / (MOTOR + LOAD), 2 * np.pi * HERTZ
+    k, c, viscous = share * reduced * w**2, 2 * 0.03 * np.sqrt(share) * reduced * w, 150.0
+    A = np.array(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [-k / MOTOR, -(c + viscous) / MOTOR, k / MOTOR, c / MOTOR],
+            [0.0, 0.0, 0.0, 1.0],
+            [k / LOAD, c / LOAD, -k / LOAD, -c / LOAD],
+        ]
+    )
+    B = np.array([[0.0], [35.0 / MOTOR], [0.0], [0.0]])
+    if drive is not None:
+        place, speed = drive
+        A, B = A - B @ np.array([[place * speed, speed, 0.0, 0.0]]), place * speed * B
+    C = np.eye(1, 4, 2 if at_the_load else 0)
+    return cont2discrete((A, B, C, np.zeros((1, 1))), DT)[:3]
+
+
+def transfer(plant, drive):
+    """As an `AxisModel`, a delay of two samples behind it."""
+    A, B, C = plant
+    above, below = ss2tf(A, B, C, np.zeros((1, 1)))
+    free = drive is None
+    below = np.real(np.polydiv(below, [1.0, -1.0])[0]) if free else below
+    return AxisModel(below[1:], above[0, 1:], int(free), 2, DT)
+
+
+@pytest.mark.parametrize("drive", [None, (43.0, 440.0)])
+def test_a_coupling_in_its_gap_is_that_of_a_softer_spring(drive):
+    w, off = uncoupled(transfer(coupled(1.0, drive), drive), np.pi / DT)
+    ends = [0, *np.flatnonzero(np.diff(w) < 0) + 1, len(w)]
+    assert len(ends) == len(STIFFNESS) + 1 and np.abs(off).max() > 5
+
+    def response(share, w):
+        A, B, C = coupled(share, drive)
+        z = np.exp(1j * w * DT)
+        return np.array([(C @ np.linalg.solve(one * np.eye(4) - A, B)).item() for one in z])
+
+    for share, first, last in zip(STIFFNESS, ends[:-1], ends[1:], strict=True):
+        part = w[first:last]
+        ratio = response(share, part) / response(1.0, part)
+        np.testing.assert_allclose(1 + off[first:last], ratio, rtol=0.01, atol=0.01)
+
+
+@pytest.mark.parametrize("drive", [None, (43.0, 440.0)])
+def test_an_encoder_at_the_load_sees_no_gap_in_front_of_it(drive):
+    assert uncoupled(transfer(coupled(1.0, drive, at_the_load=True), drive), np.pi / DT) is None
+    assert uncoupled(transfer(coupled(1.0, drive), drive), 2 * np.pi * 0.9 * HERTZ) is None
