@@ -47,6 +47,7 @@ def _limited(flag: str) -> str:
 LIMITS = {  # flag -> metric, in the unit in which it is shown
     one.name: _limited(one.name) for one in fields(Limited) if _limited(one.name) in METRICS
 }
+SAMPLE = 0.5e-3  # [s] in which `Design.lag` counts at least
 MOVING = 0.5  # of the error of a tool that stands still: most that one may lag
 AT_REST = 0.8  # of the noise of counts: held between two counts a tool had up to 1.22 times it
 LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a few 1000 samples
@@ -79,6 +80,7 @@ def ratio_limit(flags: Tune) -> dict[str, float]:
 def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[str, float]:
     """Bound on the RMS tracking error along contours: some samples of travel at the fastest feed.
 
+    They last as long where samples are shorter than `SAMPLE`: a machine is no faster for that.
     Contour error alone is also small for a tool that lags, or hardly moves. The bound is at most
     `MOVING` of the error of a tool that stands still on the contour where that is largest.
     """
@@ -88,8 +90,9 @@ def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[s
     # RMS tracking error of a tool that stands still where each contour begins [m]
     position, counted = np.asarray(references.position), np.asarray(references.mask)
     squares = ((position - position[:, :1]) ** 2).sum(axis=-1) * counted
+    samples = design.lag * max(1.0, SAMPLE / machine.model.dt)
     travel, still = (
-        design.lag * float(jnp.max(steps)),
+        samples * float(jnp.max(steps)),
         float(np.sqrt(squares.sum(axis=1) / np.maximum(counted.sum(axis=1), 1)).max()),
     )
     return {"rms_tracking_error": min(travel, MOVING * still) if still > 0 else travel}

@@ -75,6 +75,16 @@ def test_a_tool_that_stands_still_lags_too_far(lag, wanted):
     assert bounds["rms_tracking_error"] == pytest.approx(wanted, rel=2e-3)
 
 
+@pytest.mark.parametrize(("dt", "wanted"), [(4e-3, 5 * 4e-3), (0.5e-3, 2.5e-3), (0.25e-3, 2.5e-3)])
+def test_a_machine_that_is_sampled_faster_may_lag_as_long(dt, wanted):
+    """By samples of at least half a millisecond: a time at the feed, 10 mm/s here."""
+    arc = np.arange(0, 2 * np.pi * 50e-3, 10e-3 * dt)
+    reference = along(circle(50e-3), arc, dt, 0, at_rest=False)
+    machine = SimpleNamespace(error="contour", model=SimpleNamespace(dt=dt))
+    bounds = lag_limit(machine, partly(Design, lag=5.0), stack_references([reference]))
+    assert bounds["rms_tracking_error"] == pytest.approx(10e-3 * wanted, rel=1e-4)
+
+
 def test_loops_are_limited_by_their_peak_and_with_more_delay():
     assert loop_limits(Tune(max_sensitivity=2.0)) == {"peak_sensitivity": 2.0}
     asked = loop_limits(Tune(max_sensitivity=None, min_delay_margin=2))
