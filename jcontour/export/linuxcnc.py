@@ -163,7 +163,8 @@ def _model(machine: Plant, count: Vector) -> dict[str, Any]:
         raise ValueError(f"linuxcnc: needs a linear machine, received {type(machine).__name__}")
     m, n = machine.C.shape
     shapes = {"ENTRY": (n, m), "SPEED": (m, n)}
-    shapes |= dict.fromkeys(("STICKING", "STIFFNESS", "SHARPNESS", "FRICTION"), (m,))
+    friction = "STICKING", "STIFFNESS", "SHARPNESS", "FRICTION", "STRIBECK", "SOFTENING"
+    shapes |= dict.fromkeys(friction, (m,))
     model = {"A": machine.A, "B": machine.B, "C": machine.C}
     none = {name: np.zeros(shape) for name, shape in shapes.items()}
     matrices = {k: np.asarray(one, float) for k, one in (model | none | terms).items()}

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from jcontour._arrays import is_concrete
 from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product, spectral_radius
@@ -133,12 +133,13 @@ RESPONSE = 20  # samples of which the quickest counts
 
 
 class WithDryFriction(Wrapper):
-    """A linear plant whose axes feel Coulomb friction.
+    """A linear plant whose axes feel dry friction, which may be larger at rest.
 
-        x(k+1) = A x + B u - E f,     f = F tanh(v / v_0),     v = C (A - I) x / dt
-    E is how a force enters, past a delay of the control; v is the speed of the coming sample. The
-    friction turns within v_0, four times what F changes the speed in a sample, so that the sampled
-    loop of speed and friction is calm; below it the axis creeps where a true one sticks.
+        x(k+1) = A x + B u - E f,     f = F(v) tanh(v / v_0),     v = C (A - I) x / dt
+    F is Coulomb's and Stribeck's part (`friction`), E how a force enters, past a delay of the
+    control; v is the speed of the coming sample. The friction turns within v_0, four times what F
+    changes the speed in a sample, so that the sampled loop of speed and friction is calm; below it
+    the axis creeps where a true one sticks.
 
     A slide of 10 kg that is pushed with less than its friction hardly moves:
 
@@ -158,9 +159,12 @@ class WithDryFriction(Wrapper):
 
     @property
     def force_terms(self) -> dict[str, Array]:
-        dry = self.friction.dry(jnp.ones(len(self.sharpness)))
-        parts = self.entry, self.speed, self.sharpness, dry
-        return dict(zip(("ENTRY", "SPEED", "SHARPNESS", "FRICTION"), parts, strict=True))
+        one = self.friction
+        size = jnp.ones(len(self.sharpness))
+        each = (one.coulomb, one.stribeck, 1 / one.stribeck_speed**2)
+        parts = self.entry, self.speed, self.sharpness, *(part * size for part in each)
+        names = "ENTRY", "SPEED", "SHARPNESS", "FRICTION", "STRIBECK", "SOFTENING"
+        return dict(zip(names, parts, strict=True))
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u - E f."""
@@ -229,6 +233,7 @@ def with_dry_friction(
     plant: LinearPlant,
     entry: Float[np.ndarray, "n m"],
     force: Float[np.ndarray, " m"],
+    stribeck: tuple[ArrayLike, ArrayLike] = (0.0, 1.0),
 ) -> WithDryFriction | ElastoplasticFriction:
     """The plant with friction of every axis; it sticks where its drive takes a position.
 
@@ -236,6 +241,8 @@ def with_dry_friction(
         plant: without friction.
         entry: how a force on each axis enters, of one control unit: B where nothing is late.
         force: of each axis [control unit], at least zero.
+        stribeck: what it is more at rest, and the speed at which half of that is left [m/s]; not
+            of axes whose drives take positions.
 
     Raises:
         ValueError: a force is negative or not finite.
@@ -247,10 +254,9 @@ def with_dry_friction(
         rows = np.array(axis.states)
         poles = np.linalg.eigvals(np.asarray(plant.A)[np.ix_(rows, rows)])
         integrates[list(axis.outputs)] = np.abs(poles - 1).min() < INTEGRATOR
-    sliding, held = (
-        Friction(np.where(some, np.asarray(force), 0.0), 0.0, 1.0, 0.0)
-        for some in (integrates, ~integrates)
-    )
+    more = np.where(integrates, stribeck[0], 0.0)
+    sliding = Friction(np.where(integrates, force, 0.0), more, stribeck[1], 0.0)
+    held = Friction(np.where(integrates, 0.0, force), 0.0, 1.0, 0.0)
     stiffness = jnp.asarray(_holding_stiffness(plant, np.asarray(entry)))
     holding = jnp.asarray(entry), plant.C, stiffness
     if not integrates.any():
@@ -261,7 +267,7 @@ def with_dry_friction(
         responses.append(np.diagonal(speed @ state))
         state = A @ state
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
-    turning = np.maximum(SLOWEST, SAMPLES * np.asarray(force) * quickest)
+    turning = np.maximum(SLOWEST, SAMPLES * (np.asarray(force) + more) * quickest)
     parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
     rubbed = WithDryFriction(plant, *parts, sliding)
     return rubbed if integrates.all() else ElastoplasticFriction(rubbed, *holding, held)

@@ -134,6 +134,10 @@ class LinearMachineFile(Schema):
     friction: OneOrEach[NotNegative] | None = 0.0
     """[control unit] that dry friction takes, null where it is not known; it is in the runs, it is
     fed forward, and what is proven takes it as a force"""
+    stribeck_friction: OneOrEach[NotNegative] = 0.0
+    """[control unit] that it takes more at rest; in the runs and in what is proven"""
+    stribeck_speed: OneOrEach[Positive] | None = None
+    """[length/s] at which half of that is left; needed with it"""
     backlash: OneOrEach[NotNegative] = 0.0
     """[length] gap between the motor, where the encoders are, and the tool; it is in the runs, and
     --backlash compensates it"""

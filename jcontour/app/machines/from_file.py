@@ -108,9 +108,20 @@ def machine_from(content: bytes, name: str = "machine") -> Machine:
         friction=None
         if file.friction is None
         else one_or_each("friction", file.friction, plant.axes),
+        stribeck=_stribeck(file, plant.axes, metre),
         backlash=one_or_each("backlash", file.backlash, plant.axes) * metre,
         note=file.note or "",
     )
+
+
+def _stribeck(file: LinearMachineFile, axes: int, metre: float):
+    """What friction is more at rest, and the speed at which half of that is left [m/s]."""
+    if not np.any(file.stribeck_friction):
+        return 0.0, 1.0
+    if file.friction is None or file.stribeck_speed is None:
+        raise MachineError("stribeck_friction: needs friction and stribeck_speed beside it")
+    more = one_or_each("stribeck_friction", file.stribeck_friction, axes)
+    return more, one_or_each("stribeck_speed", file.stribeck_speed, axes) * metre
 
 
 def _assumed_noise(limits: MachineLimits) -> float:

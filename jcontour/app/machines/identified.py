@@ -75,6 +75,7 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
         "friction": _friction(identified),
+        **_stribeck(identified),
     }
     # What moves a drive that takes a position beside its command, where that is much
     parts = []
@@ -97,7 +98,18 @@ def _friction(identified: IdentifiedMachine) -> float | list[float] | None:
     return each if any(each) else 0.0
 
 
-def _lines(axis: IdentifiedAxis) -> dict[str, list[float]]:
+def _stribeck(identified: IdentifiedMachine) -> dict[str, list[float]]:
+    """What it takes more at rest, and the speed at which half of that is left, where it is seen."""
+    each = [one.stribeck or (0.0, 1.0) for one in identified.axes]
+    if not any(more for more, _ in each) or _friction(identified) is None:
+        return {}
+    return {
+        "stribeck_friction": [more for more, _ in each],
+        "stribeck_speed": [speed for _, speed in each],
+    }
+
+
+def _measured(axis: IdentifiedAxis) -> dict[str, list[float]]:
     """Of one axis, relative to its model, at `MOST_LINES` frequencies."""
     lines = axis.lines
     part = slice(None, None, -(-len(lines.frequency) // MOST_LINES) or 1)

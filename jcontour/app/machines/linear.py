@@ -70,6 +70,8 @@ class LinearMachine(GainsAndDelayMachine):
     # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
     # loops; None where it is not known, and nowhere
     friction: float | np.ndarray | None = 0.0
+    # what it is more at rest, and the speed at which half of that is left [m/s], likewise
+    stribeck: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 1.0)
     # gap between the motor, which is measured, and the tool [m], of all axes or of each (m,): in
     # the runs, not in linear loops
     backlash: float | np.ndarray = 0.0
@@ -111,8 +113,8 @@ class LinearMachine(GainsAndDelayMachine):
 
     @property
     def largest_friction(self) -> float:
-        """Of all axes; 0 where it is not known."""
-        return 0.0 if self.friction is None else float(np.max(self.friction))
+        """Of all axes, at rest; 0 where it is not known."""
+        return 0.0 if self.friction is None else float(np.max(self.friction + self.stribeck[0]))
 
     @property
     def noisy(self) -> bool:
@@ -226,7 +228,8 @@ class LinearMachine(GainsAndDelayMachine):
         with jax.ensure_compile_time_eval():  # not in the programs of families: batches of factors
             motion = steady_motion(self.model)  # may wait for each other's threads there
         model = eqx.tree_at(lambda m: m.motion, self.model, motion, is_leaf=lambda m: m is None)
-        return with_dry_friction(model, entry, np.broadcast_to(self.friction, self.model.axes))
+        coulomb = np.broadcast_to(self.friction, self.model.axes)
+        return with_dry_friction(model, entry, coulomb, self.stribeck)
 
     def rubbed(self, gains: np.ndarray) -> Plant:
         """With the more friction the smaller the gains are, so that both add up."""
@@ -254,6 +257,9 @@ class LinearMachine(GainsAndDelayMachine):
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
             each = " ".join(f"{one:.3g}" for one in np.atleast_1d(self.friction))
+            if np.any(self.stribeck[0]):
+                more = " ".join(f"{one:.3g}" for one in np.atleast_1d(self.stribeck[0]))
+                each += f" (at rest {more} more)"
             known = f"known to {100 * FRICTION_KNOWN_TO:g} %"
             friction = f"{each} {self.control_unit}, {known}, in the runs and in what is proven"
         return {

@@ -64,6 +64,17 @@ def test_example_in_metres():
     assert machine.encoder_resolution == pytest.approx(1e-6)
 
 
+def test_friction_at_rest_needs_friction_and_a_speed():
+    more = {"stribeck_friction": [0.2, 0.0], "stribeck_speed": 5.0}
+    fields = {**FIELDS, "length_unit": "mm", "friction": 0.5, **more}
+    machine = machine_from(json.dumps(fields).encode())
+    assert machine.stribeck[0].tolist() == [0.2, 0.0] and machine.stribeck[1] == 5e-3
+    assert machine.largest_friction == pytest.approx(0.7)
+    for missing in ("stribeck_speed", "friction"):
+        with pytest.raises(MachineError, match="stribeck_friction: needs"):
+            machine_from(json.dumps({**fields, missing: None}).encode())
+
+
 def test_encoders_count_alike_or_each_by_its_own():
     mixed, alike = (
         machine_from(json.dumps({**FIELDS, "encoder_resolution": counts}).encode())

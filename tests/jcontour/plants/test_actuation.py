@@ -231,6 +231,21 @@ def test_more_than_the_friction_accelerates_it_by_the_rest():
     assert float(state[1]) == pytest.approx(GAIN * 0.5 * FORCE, rel=0.05)
 
 
+def test_what_it_is_more_at_rest_falls_to_half_at_its_speed():
+    """A push that balances it there is less than breaks it loose, and drives it on from faster."""
+    plant, more, v_s = slides(), 0.5 * FORCE, 0.02
+    stribeck = with_dry_friction(plant, np.asarray(plant.B), np.full(1, FORCE), (more, v_s))
+    balance = FORCE + more / 2
+    state, _ = pushed(stribeck, 0.0, balance)
+    creeping = max(SLOWEST, 4 * (FORCE + more) * GAIN * DT) * np.arctanh(balance / (FORCE + more))
+    assert abs(float(state[1])) == pytest.approx(creeping, rel=0.05)
+    state, _ = pushed(stribeck, 2 * v_s, balance)
+    assert float(state[1]) > 2 * v_s + 0.5 * GAIN * more / 2
+    begun = stribeck.initial_state(jnp.zeros(1), jnp.full(1, v_s * DT))
+    slower = stribeck.step(begun, jnp.full(1, balance))
+    assert float(slower[1]) == pytest.approx(v_s, rel=1e-3)
+
+
 def test_a_delay_of_the_control_does_not_delay_it():
     late = with_input_delay(slides(), 2)
     entry = np.asarray(late.A)[:, -1:]

@@ -122,8 +122,8 @@ def notes(axis: IdentifiedAxis) -> list[str]:
     elif axis.friction is not None:
         value, deviation = axis.friction
         notes.append(
-            f"{name}: dry friction takes {value:.4g} of the command (+- {2 * deviation:.2g}); the "
-            "model is what is left without it"
+            f"{name}: dry friction takes {value:.4g} of the command (+- {2 * deviation:.2g})"
+            f"{_breaking_away(axis)}; the model is what is left without it"
         )
     if axis.dispersion > 1:
         notes.append(
@@ -154,6 +154,14 @@ def notes(axis: IdentifiedAxis) -> list[str]:
             "linear model of this order has; the intervals allow for it"
         )
     return notes
+
+
+def _breaking_away(axis: IdentifiedAxis) -> str:
+    """How much more it takes at rest, where that is seen."""
+    if axis.stribeck is None:
+        return ""
+    more, speed = axis.stribeck
+    return f", about {more:.2g} more at rest, half of that at {1e3 * speed:.2g} mm/s"
 
 
 def _advice(axis: IdentifiedAxis) -> str:

@@ -121,6 +121,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         held_out=found.output,
         explained=found.explained,
         friction=sure,
+        stribeck=simple.stribeck if simple and sure else None,
         offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
         saturated=validation.saturated(one.command),
         coupling=_coupling(record, k, fit),

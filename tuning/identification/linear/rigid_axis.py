@@ -10,6 +10,7 @@ found as robots are (IDIM-IV: Janot, Vandanjon & Gautier, IEEE Trans. Control Sy
 2014): least squares of the command over acceleration, speed, its sign and 1, each of them behind
 the same smooth kernel, then again with the motion of the simulated model as instruments, which no
 noise of the encoder reaches. Both are judged by the speed that they give from the command alone.
+Friction that is larger at rest adds f_s 2^-(v / v_s)^2, by least squares beside the others.
 """
 
 from collections.abc import Iterator
@@ -43,6 +44,9 @@ MOVES = 1e-4  # of the response, to which long moves show it
 SLOWEST = 0.05  # longest time constant of a lag, of the record
 LAGS, FINER = 7, 7  # time constants of a grid; grids, each a third as wide on a scale of ratios
 INERT = 10.0  # time constant over the length of a record that shows no viscous friction
+STRIBECK = np.geomspace(1e-3, 32e-3, 11)  # [m/s] at which half of what is more at rest is left
+SEES = 0.04  # [s] half width of the kernel behind which it is looked for
+SURE = 5.0  # deviations of what is found
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ class Simple(Judged):
     """A simple model of an axis."""
 
     estimate: Estimate  # of its coefficients, by blocks of the record
+    stribeck: tuple[float, float] | None = None  # f_s [command], v_s [m/s]; None where not sure
 
 
 def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
@@ -221,7 +226,38 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     dragged = replace(record, drags=(signs, np.ones(len(signs))))
     drag = np.array([whole.values[2], -whole.values[3]])
     fit = with_slopes(dragged, whole.model(record.dt), drag)
-    return Simple(dragged, fit, output, explained, whole.estimate(record.dt))
+    stribeck = _stribeck(record, signs, whole)
+    return Simple(dragged, fit, output, explained, whole.estimate(record.dt), stribeck)
+
+
+def _stribeck(
+    record: AxisRecord, signs: Float[np.ndarray, " T"], one: _Sliding
+) -> tuple[float, float] | None:
+    """Friction that is more at rest, and the speed at which half of it is left."""
+    rates = _kernel(max(round(SEES / record.dt), FEWEST), record.dt)
+    if 2 * len(rates[0]) > len(signs):
+        return None
+    moves = fftconvolve((signs == 0).astype(float), rates[0], "valid") < STILL
+    speed = fftconvolve(record.position, rates[1], "same")
+    force = fftconvolve(_held(record, one.delay), rates[0], "valid")[moves]
+    A = _regressors(record.position, -signs, rates)[moves]
+    found = []
+    for v_s in STRIBECK:
+        more = fftconvolve(-signs * 0.5 ** ((speed / v_s) ** 2), rates[0], "valid")[moves]
+        columns = np.column_stack([A, more])
+        if len(columns) < BLOCKS * columns.shape[1]:
+            return None
+        values, *_ = np.linalg.lstsq(columns, force, rcond=None)
+        left = force - columns @ values
+        found.append((float(np.var(left)), float(v_s), values[-1], columns, left))
+    _, v_s, more, columns, left = min(found, key=lambda each: each[0])
+    blocks = np.array_split(columns * left[:, None], BLOCKS)
+    sums = np.stack([block.sum(axis=0) for block in blocks])
+    inverse = np.linalg.pinv(columns.T @ columns)
+    deviation = np.sqrt((inverse @ (sums.T @ sums) @ inverse.T)[-1, -1])
+    inside = STRIBECK[0] < v_s < STRIBECK[-1]  # else it is a part of the friction, or of the drag
+    sure = SURE * deviation < more < one.values[2]
+    return (float(more), v_s) if inside and sure else None
 
 
 def _slidings(
@@ -241,26 +277,14 @@ def _sliding(
     record: AxisRecord, signs: Float[np.ndarray, " T"], half: int, most_delay: int
 ) -> _Sliding | None:
     """Parameters behind one kernel; None where they are those of no machine."""
-    c, s = (fun(np.pi / 2 * np.arange(-half, half + 1) / (half + 1)) for fun in (np.cos, np.sin))
-    per_second = np.pi / 2 / ((half + 1) * record.dt)
-    kernel = c**4 / np.sum(c**4)
-    slope = -4 * per_second * c**3 * s / np.sum(c**4)
-    bend = 4 * per_second**2 * (3 * c**2 * s**2 - c**4) / np.sum(c**4)
-
-    def regressors(position: np.ndarray, sign: np.ndarray) -> np.ndarray:
-        parts = (position, bend), (position, slope), (sign, kernel)
-        columns = [fftconvolve(signal, one, "valid") for signal, one in parts]
-        return np.stack([*columns, np.ones(len(columns[0]))], axis=1)
-
-    moves = fftconvolve((signs == 0).astype(float), kernel, "valid") < STILL
-    A = regressors(record.position, -signs)[moves]
+    rates = _kernel(half, record.dt)
+    moves = fftconvolve((signs == 0).astype(float), rates[0], "valid") < STILL
+    A = _regressors(record.position, -signs, rates)[moves]
     if len(A) < BLOCKS * A.shape[1]:
         return None
-    held = (record.command + np.append(record.command[:1], record.command[:-1])) / 2
     found = []
     for delay in range(most_delay + 1):  # the first of equals is taken
-        late = np.append(np.full(delay, held[0]), held)[: len(held)]
-        force = fftconvolve(late, kernel, "valid")[moves]
+        force = fftconvolve(_held(record, delay), rates[0], "valid")[moves]
         values, *_ = np.linalg.lstsq(A, force, rcond=None)
         found.append((float(np.var(force - A @ values)), delay, force, values))
     least = min(found, key=lambda one: one[0])[0]
@@ -272,7 +296,7 @@ def _sliding(
         position, speed = _moved(record, one)
         if not np.isfinite(position).all():
             return None
-        Z = regressors(position, np.sign(speed))[moves]
+        Z = _regressors(position, np.sign(speed), rates)[moves]
         try:
             inverse = np.linalg.inv(Z.T @ A)
         except np.linalg.LinAlgError:
@@ -284,6 +308,26 @@ def _sliding(
         if np.abs(values - before).max() < SETTLED * np.abs(values).max():
             break
     return one if one.values[0] > 0 else None
+
+
+def _kernel(half: int, dt: float) -> list[Float[np.ndarray, " _"]]:
+    """A smooth kernel and its first two derivatives."""
+    c, s = (fun(np.pi / 2 * np.arange(-half, half + 1) / (half + 1)) for fun in (np.cos, np.sin))
+    per_second = np.pi / 2 / ((half + 1) * dt)
+    slope, bend = -4 * per_second * c**3 * s, 4 * per_second**2 * (3 * c**2 * s**2 - c**4)
+    return [one / np.sum(c**4) for one in (c**4, slope, bend)]
+
+
+def _regressors(position: np.ndarray, sign: np.ndarray, rates: list) -> np.ndarray:
+    parts = (position, rates[2]), (position, rates[1]), (sign, rates[0])
+    columns = [fftconvolve(signal, one, "valid") for signal, one in parts]
+    return np.stack([*columns, np.ones(len(columns[0]))], axis=1)
+
+
+def _held(record: AxisRecord, delay: int) -> Float[np.ndarray, " T"]:
+    """The command, late and held over a sample."""
+    held = (record.command + np.append(record.command[:1], record.command[:-1])) / 2
+    return np.append(np.full(delay, held[0]), held)[: len(held)]
 
 
 def _possible(values: Float[np.ndarray, " 4"], record: AxisRecord) -> Float[np.ndarray, " 4"]:

@@ -9,6 +9,9 @@ from experiments.benchmarks.records.true_machines import Moving, response
 from experiments.benchmarks.records.whole_way import Way, machine, recorded
 from jcontour.app.machines.identified import machine_fields
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.output_error import AxisRecord
+from tuning.identification.linear.rigid_axis import simplest
+from tuning.identification.linear.validation import resolution_of
 
 DT = 1e-3
 
@@ -66,3 +69,20 @@ def test_what_fails_is_named():
     bad = replace(good, stable=False, rings=2.0, sensitivity=np.inf, rms=1.2, peak=np.nan)
     for word in ("unstable", "rings", "Ms inf", "RMS x 1.20", "peak x nan"):
         assert word in bad.fails
+
+
+@pytest.mark.parametrize("more", [0.0, 0.4])
+def test_friction_that_is_larger_at_rest_is_found_where_it_is(axis, more):
+    """Beside dry friction of 60 N, 24 N that fall as exp(-(v / 6 mm/s)^2): half at 5 mm/s."""
+    static = tuple((1 + more) * one for one in axis.coulomb)
+    one = replace(axis, gap=0.0, count=1e-7, coulomb=axis.coulomb, static=static, stribeck=6e-3)
+    log = recorded([one, one], DT, 3)
+    record = AxisRecord(DT, log.command[:, 0], log.position[:, 0])
+    found = simplest(record, resolution_of(record.position), 4)
+    assert found is not None and found.fit.drag[0] == pytest.approx(60 / 35, rel=0.05)
+    if not more:
+        assert found.stribeck is None
+        return
+    assert found.stribeck is not None
+    assert found.stribeck[0] == pytest.approx(24 / 35, rel=0.5)
+    assert found.stribeck[1] == pytest.approx(5e-3, rel=0.5)
