@@ -35,20 +35,12 @@ def likely_unit(time: Float[np.ndarray, " T"]) -> str:
     return min(("ms", "us", "ns"), key=lambda unit: abs(np.log(step * SECONDS[unit] / USUAL)))
 
 
-def even_period(time: Float[np.ndarray, " T"]) -> float:
-    """Sample period of times [s] that are evenly spaced all along."""
-    usual, odd = _odd_steps(time, JITTER)
-    if odd.size:
-        raise ValueError(_uneven(time, usual, int(odd[0])))
-    return _mean_step(time)
-
-
 def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
     """Longest part of times [s] without a gap and without a restart of the clock.
 
     Its steps may jitter by `MOST_JITTER` of a period: it is for `resampled`.
     """
-    usual, odd = _odd_steps(time, MOST_JITTER)
+    usual, odd = _odd_steps(time)
     edges = np.concatenate([[0], odd + 1, [len(time)]])
     longest = int(np.argmax(np.diff(edges)))
     start, end = int(edges[longest]), int(edges[longest + 1])
@@ -85,7 +77,7 @@ def resampled(
     return np.stack([np.interp(even, time, one) for one in signals.T], axis=1)
 
 
-def _odd_steps(time: Float[np.ndarray, " T"], most: float) -> tuple[float, Int[np.ndarray, " k"]]:
+def _odd_steps(time: Float[np.ndarray, " T"]) -> tuple[float, Int[np.ndarray, " k"]]:
     """Usual step [s], and the samples after which another one comes."""
     if len(time) < 3:
         raise ValueError(f"needs at least three samples, has {len(time)}")
@@ -93,7 +85,7 @@ def _odd_steps(time: Float[np.ndarray, " T"], most: float) -> tuple[float, Int[n
     usual = float(np.median(steps))
     if not usual > 0:
         raise ValueError("the column time has to grow, as seconds do")
-    return usual, np.flatnonzero(~(np.abs(steps - usual) <= most * usual))
+    return usual, np.flatnonzero(~(np.abs(steps - usual) <= MOST_JITTER * usual))
 
 
 def _mean_step(time: Float[np.ndarray, " T"]) -> float:

@@ -103,6 +103,13 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     return Log(dt, command, position, tuple(words), tuple(unit in RADIANS for unit in units))
 
 
+def read_step(path: Path, length_unit: str) -> Log:
+    """A log of one axis with the columns time, control and position, by name or in this order."""
+    plain = list(read_table(path)) == ["1", "2", "3"]
+    time, control, position = ("1", "2", "3") if plain else ("time", "control", "position")
+    return read_log(path, ("step",), LogColumns(time, (control,), (position,), length_unit))
+
+
 def _stamps(
     path: Path, table: Table, columns: LogColumns
 ) -> tuple[Float[np.ndarray, " T"] | None, list[str]]:

@@ -1,24 +1,19 @@
-"""Measured responses: to a step, and over frequency.
+"""Measured frequency responses: a table, or the XML of a SINUMERIK's servo tuning.
 
-A step response has the columns time, control and position, by name or in this order, its time in
-seconds or in what suits a drive where seconds are impossible. A frequency response is a table, or
-the XML of a SINUMERIK's servo tuning. Its columns are frequency [Hz], then real and imaginary
-parts, or size [dB] and phase [deg], and the coherence where there is one. In the XML, numbers of
-eight bytes stand in base 85, big-endian, with a point for four bytes of zeros.
+The columns of a table are frequency [Hz], then real and imaginary parts, or size [dB] and phase
+[deg], and the coherence where there is one. In the XML, numbers of eight bytes stand in base 85,
+big-endian, with a point for four bytes of zeros.
 """
 
 import re
 import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from jcontour._regular_files import content_of
-from jcontour.app.files.checks import METRES
-from jcontour.app.files.clock import SECONDS, even_period, likely_unit
 from jcontour.app.files.log_table import MOST_BYTES, Table, finite, read_table
 
 DIGITS = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ!#$`()*+-/:;=?@[]^_{|}~"
@@ -128,37 +123,3 @@ def _doubles(path: Path, text: str) -> Float[np.ndarray, " N"]:
         )
     except (ValueError, struct.error):
         raise ValueError(f"{path}: numbers that are not whole; is the file cut off?") from None
-
-
-NAMES = ("time", "control", "position")
-
-
-class StepRecord(NamedTuple):
-    """A record of one axis."""
-
-    dt: float  # sample period [s]
-    control: Float[np.ndarray, " T"]  # [control unit]
-    position: Float[np.ndarray, " T"]  # [m]
-    unit: str = "s"  # of the file's times
-
-
-def read_step(path: Path, length_unit: str) -> StepRecord:
-    """Record of a file whose positions are in a unit: m, mm or um."""
-    table = read_table(path)
-    if list(table) == ["1", "2", "3"]:
-        table = dict(zip(NAMES, table.values(), strict=True))
-    missing = [name for name in NAMES if name not in table]
-    if missing:
-        raise ValueError(
-            f"{path}: has no column {missing[0]!r}; needs {', '.join(NAMES)}, has "
-            f"{', '.join(table)}"
-        )
-    for name in NAMES:
-        finite(path, name, table[name])
-    time, control, position = (table[name] for name in NAMES)
-    unit = likely_unit(time)
-    try:
-        dt = even_period(SECONDS[unit] * time)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return StepRecord(dt, control, METRES[length_unit] * position, unit)

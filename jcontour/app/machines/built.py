@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from jcontour.app.files.checks import METRES
+from jcontour.app.files.log_file import read_step
 from jcontour.app.files.machine_file import MOST_DELAY
-from jcontour.app.files.response_file import read_step
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.uncertainty import GAIN_KNOWN_TO, LESS_DAMPED, unsure_resonances
 from jcontour.linear.continuous_axes import (
@@ -171,13 +171,10 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
         raise ValueError("steps: all axes need the same sample period")
     axes, words = [], []
     for path, one in zip(flags.steps, records, strict=True):
-        if one.unit != "s":
-            warnings.append(
-                f"{path}: times are taken as {one.unit}: in s a sample takes too long for a drive"
-            )
+        warnings.extend(f"{path}: {said}" for said in one.words[1:])  # behind names of columns
     for name, path, one in zip(flags.axes, flags.steps, records, strict=True):
         try:
-            fit = fit_step(one.control, one.position, one.dt, flags.takes)
+            fit = fit_step(one.command[:, 0], one.position[:, 0], one.dt, flags.takes)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         make = speed_axis if flags.takes == "speed" else position_axis

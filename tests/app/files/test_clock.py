@@ -1,16 +1,19 @@
 import numpy as np
 import pytest
 
-from jcontour.app.files.clock import even_period, longest_even_part, resampled
+from jcontour.app.files.clock import longest_even_part, resampled
 
 TIME = 2.0 + 0.004 * np.arange(50)
 
 
 def test_the_period_is_the_mean_step_of_a_rounded_clock():
     third = np.round(np.arange(3001) / 3000, 6)
-    assert even_period(third) == pytest.approx(1 / 3000, rel=1e-9)
     part = longest_even_part(third)
-    assert part.dt == even_period(third) and part.rows == slice(0, 3001) and part.words == ""
+    assert (
+        part.dt == pytest.approx(1 / 3000, rel=1e-9)
+        and part.rows == slice(0, 3001)
+        and part.words == ""
+    )
 
 
 def test_the_longest_part_and_what_is_said_of_the_rest():
@@ -20,11 +23,6 @@ def test_the_longest_part_and_what_is_said_of_the_rest():
     assert part.rows == slice(10, 40) and part.dt == pytest.approx(0.004)
     assert part.words.startswith("time: 1 gaps and 1 restarts of the clock, the first after 2.036")
     assert part.words.endswith("2.06 s to 2.176 s")
-
-
-def test_a_clock_with_a_gap_is_not_even():
-    with pytest.raises(ValueError, match=r"after 2.036 s comes 2.06 s, the others are 0.004 s"):
-        even_period(np.concatenate([TIME[:10], TIME[15:]]))
 
 
 def test_many_gaps_are_counted_and_the_longest_part_is_named():
@@ -52,7 +50,6 @@ def test_stamps_that_jitter_become_even_ones():
     assert np.allclose(even[:, 1], 1 - even[:, 0])
 
 
-@pytest.mark.parametrize("read", [even_period, longest_even_part])
 @pytest.mark.parametrize(
     ("time", "says"),
     [
@@ -63,6 +60,6 @@ def test_stamps_that_jitter_become_even_ones():
         (np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.3, 2.0)), "not evenly spaced"),
     ],
 )
-def test_clocks_that_cannot_be_used(read, time, says):
+def test_clocks_that_cannot_be_used(time, says):
     with pytest.raises(ValueError, match=says):
-        read(time)
+        longest_even_part(time)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.app.files.log_file import LogColumns, read_log
+from jcontour.app.files.log_file import LogColumns, read_log, read_step
 
 ROWS = 40
 TIME = 0.002 * np.arange(ROWS)
@@ -153,3 +153,52 @@ def test_faults_are_told_with_their_place(tmp_path):
 
     with pytest.raises(ValueError, match=r"y_command holds 1e\+30, more than 1e\+12, in row 8"):
         read_log(written(tmp_path, change=huge)[0], ("X", "Y"), LogColumns())
+
+
+STEP = [(0.001 * k, float(k > 5), 0.5 * k) for k in range(20)]
+
+
+def step_log(path, head="time,control,position", rows=STEP, mark=","):
+    lines = [mark.join(f"{x:.9g}" for x in row) for row in rows]
+    path.write_text("\n".join([head, *lines] if head else lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_columns_of_a_step_by_name_or_by_place(tmp_path, mark):
+    path = step_log(tmp_path / "a.csv", mark.join(("time", "control", "position")), mark=mark)
+    named, plain = read_step(path, "mm"), read_step(step_log(tmp_path / "b.csv", ""), "mm")
+    assert named.dt == plain.dt == pytest.approx(1e-3)
+    assert np.allclose(named.position, 0.5e-3 * np.arange(20)[:, None])
+    assert np.array_equal(named.command, plain.command)
+    swapped = step_log(tmp_path / "c.csv", "position,time,control", [(p, t, u) for t, u, p in STEP])
+    assert np.array_equal(read_step(swapped, "mm").position, named.position)
+
+
+def test_times_of_a_step_that_cannot_be_seconds(tmp_path):
+    rows = [(1e6 * t, u, p) for t, u, p in STEP]
+    record = read_step(step_log(tmp_path / "a.csv", rows=rows), "mm")
+    assert "taken as us" in record.words[1] and record.dt == pytest.approx(1e-3)
+
+
+def test_faults_of_a_step_are_told_with_their_place(tmp_path):
+    late = [(t + 0.005 * (k % 3), u, p) for k, (t, u, p) in enumerate(STEP)]
+    back = [(-t, u, p) for t, u, p in STEP]
+    path = tmp_path / "a.csv"
+    for change, words in (
+        ({"rows": late}, "samples are not evenly spaced: after 0.012 s comes 0.003 s"),
+        ({"rows": back}, "the column time has to grow"),
+        (
+            {"head": "time,current,position"},
+            "has no column of numbers 'control'; has time",
+        ),
+        ({"rows": [*STEP, (1.0, 2.0)]}, "column position holds no number in row 21 behind"),
+        ({"rows": STEP[:2]}, "needs at least three samples"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            read_step(step_log(path, **change), "mm")
+    path.write_text("")
+    with pytest.raises(ValueError, match="is empty"):
+        read_step(path, "mm")
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_step(tmp_path / "none.csv", "mm")
