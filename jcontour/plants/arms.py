@@ -19,8 +19,6 @@ The masses stand in the middle of the links, q_2 is measured from the first link
 the end of the second one. The state is (q, q'), both measured.
 """
 
-from functools import partial
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -31,8 +29,6 @@ from jcontour._arrays import is_concrete
 from jcontour.plant import Plant
 from jcontour.plants.friction import runge_kutta
 
-ITERATIONS = 12  # of Newton's method; six reach rounding from the home pose
-ROUNDING = 1e-10  # [m] that a pose may miss the lengths by
 LVDT_QUANTUM = 43e-6  # [m], the paper's sensor of a leg with its converter
 SERVO_GAIN = 16.359  # [m/s^2 per unit of control], the paper's 16359 with y in mm
 SERVO_POLE = 567.5  # [rad/s]; 567 in print, which does not give the printed controller
@@ -51,14 +47,10 @@ def _legs() -> np.ndarray:
 class ThreeLink(eqx.Module):
     """Geometry of the manipulator; lengths are distances from pin to ball.
 
-    At a height of 400 mm, level and then tilted by 0.2 rad towards the first leg:
+    Level, at a height of 400 mm:
 
-    >>> manipulator = ThreeLink()
-    >>> level, tilted = manipulator.legs(jnp.array([[0.4, 0.0, 0.0], [0.4, 0.2, 0.0]]))
-    >>> (1e3 * level).round(3).tolist()
+    >>> (1e3 * ThreeLink().legs(jnp.array([0.4, 0.0, 0.0]))).round(3).tolist()
     [407.922, 407.922, 407.922]
-    >>> bool(jnp.allclose(manipulator.pose(tilted), jnp.array([0.4, 0.2, 0.0])))
-    True
 
     Args:
         base_radius: r [m].
@@ -85,10 +77,6 @@ class ThreeLink(eqx.Module):
                 f"shortest: needs to be below longest, received {self.shortest} and {self.longest}"
             )
 
-    def pins(self) -> Float[np.ndarray, "3 3"]:
-        """Pin joints at the base, (leg, coordinate) [m]."""
-        return float(self.base_radius) * _legs()
-
     @jax.jit
     def balls(self, pose: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
         """Ball joints, (leg, coordinate) [m]."""
@@ -111,47 +99,11 @@ class ThreeLink(eqx.Module):
         self._check_stroke(lengths)
         return lengths
 
-    def pose(self, legs: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3"]:
-        """Pose at which the legs have these lengths: the forward kinematics, by Newton's method.
-
-        It starts level at the mean length. The last step is differentiated: dl = J dq.
-
-        Raises:
-            ValueError: the legs cannot have these lengths, or no pose has them; traced lengths
-                pass unchecked.
-        """
-        legs = jnp.asarray(legs)
-        self._check_stroke(legs)
-        rows = jnp.reshape(legs, (-1, 3))
-        poses = jnp.reshape(self._newton(rows), legs.shape)
-        if is_concrete(poses):
-            missed = np.max(np.abs(np.asarray(self._lengths(poses) - legs)))
-            if not missed <= ROUNDING:
-                raise ValueError(f"legs: no pose has these lengths, the nearest misses {missed} m")
-        return poses
-
     @jax.jit
     def _lengths(self, pose: Array) -> Array:
         pins = self.base_radius * jnp.asarray(_legs(), pose.dtype)
         offset = self.balls(pose) - jnp.expand_dims(pins, tuple(range(pose.ndim - 1)))
         return jnp.linalg.norm(offset, axis=-1)
-
-    @jax.jit
-    @partial(jax.vmap, in_axes=(None, 0))
-    def _newton(self, legs: Array) -> Array:
-        """Pose of every row of lengths."""
-        apart = self.base_radius - self.platform_radius
-        height = jnp.sqrt(jnp.maximum(jnp.mean(legs) ** 2 - apart**2, 0.0))
-        start = jnp.zeros(3, legs.dtype).at[0].set(height)
-        fixed, wanted = jax.lax.stop_gradient((self, legs))
-
-        def improved(_, pose):
-            miss = fixed._lengths(pose) - wanted
-            return pose - jnp.linalg.solve(jax.jacfwd(fixed._lengths)(pose), miss)
-
-        near = jax.lax.fori_loop(0, ITERATIONS, improved, jax.lax.stop_gradient(start))
-        near = jax.lax.stop_gradient(near)
-        return near - jnp.linalg.solve(jax.jacfwd(fixed._lengths)(near), self._lengths(near) - legs)
 
     def _check_stroke(self, lengths: Array) -> None:
         """Raise ValueError unless every leg can be as long."""
