@@ -100,7 +100,7 @@ def _mirrored(model: AxisModel) -> AxisModel:
     outside = (np.abs(zeros) > 1) & (np.imag(zeros) != 0)
     inside = np.where(outside, 1 / np.conj(zeros), zeros)
     scale = model.numerator[0] * np.prod(np.abs(zeros[outside]))
-    return replace(model, numerator=scale * np.real(np.poly(inside)))
+    return replace(model, numerator=scale * np.atleast_1d(np.real(np.poly(inside))))
 
 
 def _left(model: AxisModel, lines: Response, w, weight) -> float:
