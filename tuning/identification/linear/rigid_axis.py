@@ -218,8 +218,8 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
         return None
     half, best = max(tried, key=lambda one: _explained(training, one[1]))
     whole = _sliding(record, validation.speed_signs(record.position, resolution), half, most_delay)
-    if whole is None:
-        return None
+    left = [1 - _explained(record, one) for one in (whole or best, best)]
+    whole = best if whole is None or left[0] > TELLS * left[1] else whole
     output = _moved(rest, best)[0]
     explained = part_explained(rest.position, output)
     signs = validation.speed_signs(record.position, resolution)
