@@ -12,6 +12,7 @@ COLOURED = 0.1  # correlation of the errors that is said
 COUPLED = 0.01  # part of the errors' variance
 SATURATED = 1e-3  # part of the samples
 POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
+CAUSE = 0.5  # part of the speed that a cause explains, if it is said
 RUBS = 0.8  # friction over the RMS command, beyond which it hides the motion
 STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
 FOLLOWS = 0.999  # part of a position that a gain explains: the axis follows its command
@@ -44,7 +45,10 @@ def unexplained(
         )
     doubt = "are the columns those of one axis?"
     if related:
-        doubt = "though the two are related: does a feedforward act that the log does not have?"
+        doubt = (
+            "though the two are related: does a feedforward act that the log does not have, or a "
+            "force that depends on the place, as gravity on an arm?"
+        )
     return (
         f"the command does not explain the position; {doubt} Otherwise "
         "record a livelier program: jcontour identify --excite. Where dry friction takes much of "
@@ -55,7 +59,9 @@ def unexplained(
 def friction_hides(command: Float[np.ndarray, " T"], simple: Simple | None) -> str:
     """Why dry friction hides how the command moves the axis; empty where it takes less of it."""
     size = float(np.sqrt(np.mean(command**2)))
-    if simple is None or len(simple.fit.drag) < 2 or simple.fit.drag[0] < RUBS * size:
+    if simple is None or len(simple.fit.drag) < 2 or simple.explained < CAUSE:
+        return ""
+    if simple.fit.drag[0] < RUBS * size:
         return ""
     return (
         f"dry friction takes nearly all of the command, {size:.3g} RMS: what is left is too little "
@@ -183,7 +189,6 @@ def _up_to(hertz: float) -> str:
 
 
 AT_REST = 0.02  # of the squared speed
-ALONGSIDE = 0.5  # of the speed, that a limit of it explains at least
 TOP = 99.0  # percentile of the speed that counts as the largest
 MORE = 1.15  # times the largest speed, that a command asks for
 OFTEN = 0.02  # of the samples
@@ -251,7 +256,7 @@ def _speed_limit(command: np.ndarray, position: np.ndarray, dt: float) -> str:
     for one in wanted.tolist():
         place += min(max(one - place, -step), step)
         limited.append(place)
-    if part_explained(position, np.array(limited)) < ALONGSIDE:
+    if part_explained(position, np.array(limited)) < CAUSE:
         return ""
     return (
         f"the command asks for up to {60e3 * asked[beyond].max():.4g} mm/min, first after "

@@ -22,7 +22,7 @@ from tuning.identification.linear.validation import Estimate, Response
 from tuning.identification.linear.vector_fitting import FLOOR, fitted_to, joined
 
 LINES = 12  # that show a response
-HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
+HALF = 0.5  # of the speed explained: by a model that shows that columns belong together
 MOSTLY, BLURRED = (
     0.9,
     0.7,
@@ -101,6 +101,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
     sure = _friction(simple.estimate if simple and fit.model.integrators else estimate)
     dispersion = validation.dispersion(fit)
     if why := diagnosis.unusable(found.explained, dispersion, stands, sure is not None):
+        if found.explained < HALF:
+            raise ValueError(f"{name}: {_why(one, simple, True)}")
         shown = _limit(one, simple) or diagnosis.follows(*given)
         raise ValueError(f"{name}: {shown or why + diagnosis.beside(simple)}")
     if len(excited.frequency):
@@ -171,8 +173,9 @@ def _fitted(
 ) -> Judged | None:
     """The model of the lines; of a mass that slides with its friction and its slow motion.
 
-    None where the lines mislead: the simple model gives the motion better, under the same friction.
-    Lines of spectra are bent by feedback, and a trajectory that repeats is no period of the record.
+    None where the lines mislead: their model gives no motion, or the simple one gives it better,
+    under the same friction. Lines of spectra are bent by feedback, and a trajectory that repeats is
+    no period of the record.
     """
     latest = max(most_delay, round(LATEST / record.dt))
     if simple is None or simple.explained < diagnosis.POOR:
@@ -192,7 +195,7 @@ def _fitted(
         drag = rigid_axis.reversal_error(simple.record, model)
     found = judged(simple.record, model, drag)
     alone = judged(simple.record, simple.fit.model, simple.fit.drag)
-    if 1 - found.explained > worse * (1 - alone.explained):
+    if found.explained < HALF or 1 - found.explained > worse * (1 - alone.explained):
         return None
     if not integrators:
         return found

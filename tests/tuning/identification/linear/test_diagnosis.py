@@ -109,8 +109,10 @@ def test_an_axis_that_moves_at_the_beginning_alone_is_told():
 
 def test_friction_that_takes_all_of_a_command_is_told():
     command = np.repeat([0.026, -0.031], 500)  # [Nm], of a small servo
-    for friction, words in ((0.027, "dry friction takes nearly all"), (0.01, "")):
-        simple = partly(Simple, fit=partly(AxisFit, drag=np.array([friction, 0.002])))
+    told = "dry friction takes nearly all"
+    for friction, part, words in ((0.027, 0.7, told), (0.01, 0.7, ""), (0.027, 0.1, "")):
+        fit = partly(AxisFit, drag=np.array([friction, 0.002]))
+        simple = partly(Simple, fit=fit, explained=part)
         assert friction_hides(command, simple).startswith(words) and bool(
             friction_hides(command, simple)
         ) == bool(words)

@@ -3,8 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuning.identification.linear import validation
+from tuning.identification.linear import machine, validation
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine_record import MachineRecord
+from tuning.identification.linear.output_error import AxisRecord
+from tuning.identification.linear.rigid_axis import simplest
+from tuning.identification.linear.validation import Response
 
 DT, ROWS = 1e-3, 8000
 
@@ -93,3 +97,33 @@ def test_an_axis_that_runs_away_without_its_loop_is_refused(record):
     both = replace(record, command=np.stack([u, u], axis=1), position=np.stack([y, y], axis=1))
     with pytest.raises(ValueError, match="X: what fits is unstable, it grows by 2 % a sample"):
         identify_machine(both, 1, 2)
+
+
+@pytest.fixture(scope="module")
+def joint():
+    """A joint under a slow sine: friction and a ripple over the angle take most of its command."""
+    dt, w, (m, c, f) = 0.0107, 2 * np.pi * 0.1, (0.08, 0.2, 0.31)
+    time = dt * np.arange(5900)
+    speed, bend = 0.75 * w * np.cos(w * time), -0.75 * w**2 * np.sin(w * time)
+    position = 1e-5 * np.round(0.75 * np.sin(w * time) / 1e-5)
+    command = m * bend + c * speed + f * np.sign(speed) + 0.1 * np.sin(60 * position)
+    noise = 0.005 * np.random.default_rng(0).standard_normal(len(time))
+    return MachineRecord(dt, ("X",), (command + noise)[:, None], position[:, None])
+
+
+def test_a_ripple_over_the_angle_leaves_the_friction_of_a_joint(joint):
+    (one,) = identify_machine(joint, 3, 10).axes
+    model = one.fit.model
+    gain = model.numerator.sum() / (1 + model.denominator.sum()) / joint.dt
+    assert gain == pytest.approx(1 / 0.2, rel=0.15)
+    assert one.friction is not None and one.friction[0] == pytest.approx(0.31, rel=0.05)
+
+
+def test_lines_whose_model_gives_no_motion_mislead(joint):
+    """A hundredth of the response; friction takes so much that no linear model gives the motion."""
+    record = AxisRecord(joint.dt, joint.command[:, 0], joint.position[:, 0])
+    simple, hertz = simplest(record, 1e-5, 3), 0.1 + 0.2 * np.arange(40)
+    assert simple is not None and simple.explained > 0.9
+    value = 0.01 * simple.fit.model.response(2 * np.pi * hertz)
+    lines = Response(hertz, value, np.full(40, 0.05))
+    assert machine._fitted(record, lines, simple, 3, 3, machine.WORSE_THAN_LINES) is None
