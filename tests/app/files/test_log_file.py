@@ -192,7 +192,7 @@ def test_faults_of_a_step_are_told_with_their_place(tmp_path):
             {"head": "time,current,position"},
             "has no column of numbers 'control'; has time",
         ),
-        ({"rows": [*STEP, (1.0, 2.0)]}, "column position holds no number in row 21 behind"),
+        ({"rows": [*STEP[:9], (0.009, 2.0), *STEP[10:]]}, "holds no number in row 10 behind"),
         ({"rows": STEP[:2]}, "needs at least three samples"),
     ):
         with pytest.raises(ValueError, match=words):
