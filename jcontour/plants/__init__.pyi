@@ -2,8 +2,8 @@ from .actuation import Delayed as Delayed
 from .actuation import Disturbed as Disturbed
 from .actuation import Gained as Gained
 from .actuation import Saturated as Saturated
-from .arms import ThreeLink as ThreeLink
 from .arms import TwoLinkArm as TwoLinkArm
+from .arms import leg_lengths as leg_lengths
 from .arms import manipulator_path as manipulator_path
 from .encoders import CountingEncoders as CountingEncoders
 from .encoders import Encoders as Encoders

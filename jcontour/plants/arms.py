@@ -24,11 +24,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.spatial.transform import Rotation
 
-from jcontour._arrays import is_concrete
 from jcontour.plant import Plant
 from jcontour.plants.friction import runge_kutta
 
+BASE_RADIUS, PLATFORM_RADIUS = 0.2, 0.12  # r, h [m]
 LVDT_QUANTUM = 43e-6  # [m], the paper's sensor of a leg with its converter
 SERVO_GAIN = 16.359  # [m/s^2 per unit of control], the paper's 16359 with y in mm
 SERVO_POLE = 567.5  # [rad/s]; 567 in print, which does not give the printed controller
@@ -38,105 +39,24 @@ _PATH_TIMES = (0.0, 0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.0)  # [s]
 _PATH_HEIGHTS = (0.400, 0.400, 0.440, 0.440, 0.370, 0.410, 0.400, 0.400)  # [m]
 
 
-def _legs() -> np.ndarray:
-    """Directions n_i of the legs (3, 3)."""
-    angle = 2 * np.pi * np.arange(3) / 3
-    return np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=-1)
-
-
-class ThreeLink(eqx.Module):
-    """Geometry of the manipulator; lengths are distances from pin to ball.
+def leg_lengths(poses: Float[np.ndarray, "S 3"]) -> Float[np.ndarray, "S 3"]:
+    """Lengths of the manipulator's legs, from pin to ball: the inverse kinematics [m].
 
     Level, at a height of 400 mm:
 
-    >>> (1e3 * ThreeLink().legs(jnp.array([0.4, 0.0, 0.0]))).round(3).tolist()
-    [407.922, 407.922, 407.922]
-
-    Args:
-        base_radius: r [m].
-        platform_radius: h [m].
-        shortest: length of a leg that is drawn in [m].
-        longest: length of a leg that is driven out [m].
-
-    Raises:
-        ValueError: a radius is not above zero, or the stroke is empty.
+    >>> (1e3 * leg_lengths(np.array([[0.4, 0.0, 0.0]]))).round(3).tolist()
+    [[407.922, 407.922, 407.922]]
     """
-
-    base_radius: float | Array = 0.2  # chosen: the paper prints none
-    platform_radius: float | Array = 0.12  # chosen
-    shortest: float = eqx.field(static=True, default=0.25)  # room around the path's 0.35 m
-    longest: float = eqx.field(static=True, default=0.6)  # and its 0.46 m
-
-    def __check_init__(self):
-        for name in ("base_radius", "platform_radius"):
-            radius = getattr(self, name)
-            if is_concrete(radius) and not (np.isfinite(radius) and np.all(np.asarray(radius) > 0)):
-                raise ValueError(f"{name}: needs to be above zero, received {radius}")
-        if not 0 <= self.shortest < self.longest:
-            raise ValueError(
-                f"shortest: needs to be below longest, received {self.shortest} and {self.longest}"
-            )
-
-    @jax.jit
-    def balls(self, pose: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
-        """Ball joints, (leg, coordinate) [m]."""
-        pose = jnp.asarray(pose)
-        turned = _tilt(pose[..., 1:]) @ jnp.asarray(_legs().T, pose.dtype)
-        # Centre of the platform; it shifts sideways with the tilt [m]
-        x, y = pose[..., 1], pose[..., 2]
-        # (1 - cos beta) / beta^2 = sinc(beta/2)^2 / 2, with beta^2 (cos, sin)(2 alpha) beside it
-        share = self.platform_radius / 4 * _sinc(jnp.sqrt(_square(x, y)) / 2) ** 2
-        centre = jnp.stack([-share * (x**2 - y**2), share * 2 * x * y, pose[..., 0]], axis=-1)
-        return centre[..., None, :] + self.platform_radius * jnp.swapaxes(turned, -1, -2)
-
-    def legs(self, pose: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3"]:
-        """Lengths of the legs at a pose: the inverse kinematics [m].
-
-        Raises:
-            ValueError: a leg is not long or not short enough; traced poses pass unchecked.
-        """
-        lengths = self._lengths(jnp.asarray(pose))
-        self._check_stroke(lengths)
-        return lengths
-
-    @jax.jit
-    def _lengths(self, pose: Array) -> Array:
-        pins = self.base_radius * jnp.asarray(_legs(), pose.dtype)
-        offset = self.balls(pose) - jnp.expand_dims(pins, tuple(range(pose.ndim - 1)))
-        return jnp.linalg.norm(offset, axis=-1)
-
-    def _check_stroke(self, lengths: Array) -> None:
-        """Raise ValueError unless every leg can be as long."""
-        if not is_concrete(lengths):
-            return
-        values = np.asarray(lengths)
-        if not np.all((values >= self.shortest) & (values <= self.longest)):
-            raise ValueError(
-                f"legs: out of reach, needed are {np.min(values):.6g} to {np.max(values):.6g} m, "
-                f"the legs have {self.shortest} to {self.longest} m"
-            )
-
-
-def _square(x: Array, y: Array) -> Array:
-    """beta^2, kept above zero: its root has a finite slope there."""
-    return jnp.maximum(x**2 + y**2, 1e-30)
-
-
-def _sinc(angle: Array) -> Array:
-    """sin(a) / a, 1 at zero."""
-    return jnp.sinc(angle / jnp.pi)
-
-
-def _tilt(tilt: Array) -> Array:
-    """Rotation Q of a tilt (beta cos alpha, beta sin alpha), by Rodrigues' formula."""
-    x, y = tilt[..., 0], tilt[..., 1]
-    zero = jnp.zeros_like(x)
-    rows = [[zero, zero, x], [zero, zero, y], [-x, -y, zero]]  # the axis is (-sin, cos, 0) alpha
-    K = jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
-    beta = jnp.sqrt(_square(x, y))
-    first, second = _sinc(beta), _sinc(beta / 2) ** 2 / 2
-    unit = jnp.broadcast_to(jnp.eye(3, dtype=K.dtype), K.shape)
-    return unit + first[..., None, None] * K + second[..., None, None] * (K @ K)
+    height, x, y = poses.T
+    psi = 2 * np.pi * np.arange(3) / 3
+    legs = np.stack([np.cos(psi), np.sin(psi), np.zeros(3)], axis=-1)
+    # beta about (-sin alpha, cos alpha, 0)
+    tilt = Rotation.from_rotvec(np.stack([-y, x, np.zeros_like(x)], axis=-1)).as_matrix()
+    # (1 - cos beta) / beta^2 = sinc(beta/2)^2 / 2, with beta^2 (cos, sin)(2 alpha) beside it
+    share = PLATFORM_RADIUS / 4 * np.sinc(np.hypot(x, y) / (2 * np.pi)) ** 2
+    centre = np.stack([-share * (x**2 - y**2), share * 2 * x * y, height], axis=-1)
+    balls = centre[:, None] + PLATFORM_RADIUS * legs @ tilt.transpose(0, 2, 1)
+    return np.linalg.norm(balls - BASE_RADIUS * legs, axis=-1)
 
 
 def manipulator_path(times: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 3"]:
@@ -144,7 +64,7 @@ def manipulator_path(times: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 3"]
 
         alpha = 2 pi t / 6,   beta = 8 degrees sin^2(pi t / 6)
     The form follows Fig. 7 of the paper, whose numbers are not printed. The error of a leg is
-    taken from the length at the start: `ThreeLink().legs(path) - ThreeLink().legs(path[0])`.
+    taken from the length at the start.
 
     >>> manipulator_path(np.array([0.0, 3.0]))[:, 0].tolist()
     [0.4, 0.405]

@@ -25,7 +25,7 @@ from jcontour.controllers.feedforward.zpetc import gain_error
 from jcontour.linear import transfer_function
 from jcontour.linear.transfer_functions import TransferFunction, from_polynomials
 from jcontour.motion import from_samples
-from jcontour.plants import Encoders, Quantised, ThreeLink, manipulator_path, servo_axes
+from jcontour.plants import Encoders, Quantised, leg_lengths, manipulator_path, servo_axes
 from jcontour.plants.arms import LVDT_QUANTUM, PATH_DURATION, SERVO_GAIN, SERVO_POLE
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import Rollout
@@ -285,7 +285,7 @@ def gain_left() -> GainError:
 def legs(dt: float) -> Float[np.ndarray, "T 3"]:
     """Lengths of the legs along the path, from those at the start [m]."""
     times = dt * np.arange(round(PATH_DURATION / dt) + 1)
-    lengths = np.asarray(ThreeLink().legs(manipulator_path(times)))
+    lengths = leg_lengths(manipulator_path(times))
     return lengths - lengths[0]
 
 

@@ -3,16 +3,14 @@
 import json
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
 from jcontour.controllers.feedforward.model_matching import ModelMatching
 from jcontour.motion.references import from_samples
-from jcontour.plants.arms import ThreeLink, manipulator_path
+from jcontour.plants.arms import leg_lengths, manipulator_path
 
 DATA = Path(__file__).parents[3] / "data" / "feedforward"
-LEGS = jax.jit(ThreeLink.legs)
 
 
 @pytest.fixture(scope="session")
@@ -26,7 +24,7 @@ def link():
     """Sample period, preview -> the path of the manipulator's first leg, from rest to rest."""
 
     def of(dt, preview, count=None, first=0):
-        legs = np.asarray(LEGS(ThreeLink(), manipulator_path(dt * np.arange(round(6 / dt) + 1))))
+        legs = leg_lengths(manipulator_path(dt * np.arange(round(6 / dt) + 1)))
         away = (legs - legs[:1])[first:, :1]
         away = away if count is None else away[: count + preview]
         if count is None:
