@@ -19,7 +19,6 @@ from jcontour.sets.responses import DisturbedModel, FiniteResponse, Signal, brou
 EXCESS = 1e-7  # relative, of a limit, that counts as broken
 TOLERANCE = 1e-10  # of HiGHS, absolute, on variables of size one: the default 1e-7 costs 4 digits
 HEADROOM = 1e-9  # of a limit, left free: rounding may not carry a peak above its limit
-ACTIVE = 1e-7  # share of a limit in the optimum from which it counts as one that limits
 
 
 @dataclass(frozen=True)
@@ -29,24 +28,10 @@ class LeastPeak:
     # one of the optimal responses; the tolerance is unique, the responses are not
     response: FiniteResponse
     tolerance: float  # the smallest largest peak of the signals that are minimised
-    peaks: dict[str, float]  # peak of every signal by name
-    # names of the signals whose limits keep the tolerance from being smaller
-    limiting: tuple[str, ...]
 
 
 class NoResponse(ValueError):
-    """No response of this length respects the limits.
-
-    Attributes:
-        limiting: names of the signals whose limits are too small; empty where no response comes to
-            rest at all, and where the linear program's numbers are of too different sizes.
-        needed: the smallest magnitudes of all these together, by name.
-    """
-
-    def __init__(self, message: str, needed: dict[str, float]):
-        self.needed = needed
-        self.limiting = tuple(needed)
-        super().__init__(message)
+    """No response of this length respects the limits."""
 
 
 class PeakProgram:
@@ -120,13 +105,6 @@ class PeakProgram:
         whole = np.concatenate([self.model.E.T[:, None], states], axis=1)
         return whole.transpose(1, 2, 0), controls.transpose(1, 2, 0)
 
-    def limiting(self, solution: OptimizeResult) -> tuple[str, ...]:
-        """Names of the limits that are active at the optimum."""
-        multipliers = solution.ineqlin.marginals
-        multipliers = multipliers[multipliers.size - len(self.bounded) :]
-        pairs = zip(self.bounded, np.abs(multipliers), strict=True)
-        return tuple(signal.name for signal, size in pairs if size > ACTIVE)
-
     def excess(self, solution: OptimizeResult) -> np.ndarray:
         """Excess over every limit, relative."""
         return solution.x[self.optimum + 1 :]
@@ -194,8 +172,8 @@ def least_peak(
     >>> slide = DisturbedModel.of([[1, dt], [0, 1]], [dt**2 / 2, dt], [dt**2 / 2, dt])
     >>> position = slide.state_signals(["position"], [1, 0])
     >>> peak = least_peak(slide, position, slide.control_signals(4.0), length=10)
-    >>> f"{1e3 * peak.tolerance:.3f} mm", peak.limiting
-    ('0.100 mm', ())
+    >>> f"{1e3 * peak.tolerance:.3f} mm"
+    '0.100 mm'
 
     Args:
         model: matrices A, B, E.
@@ -231,9 +209,7 @@ def least_peak(
         fine, scales, size = first, sizes, 1.0
     _, controls = program.responses(fine, scales)
     response = brought_to_rest(model, controls)
-    peaks = {signal.name: response.peak(signal) for signal in [*minimised, *limited]}
-    tolerance = max(peaks[signal.name] for signal in minimised)
-    return LeastPeak(response, tolerance, peaks, program.limiting(fine))
+    return LeastPeak(response, max(response.peak(signal) for signal in minimised))
 
 
 def _first_solution(program: PeakProgram) -> tuple[OptimizeResult, Float[np.ndarray, " n"]]:
@@ -270,8 +246,7 @@ def _impossible(
     if solution is None:
         return NoResponse(
             f"length: no response of {N} samples comes to rest; a longer one may, "
-            "if the controls reach every state",
-            {},
+            "if the controls reach every state"
         )
     needed = {
         signal.name: signal.limit * (1 + float(excess))
@@ -284,12 +259,10 @@ def _impossible(
         return NoResponse(
             f"model: the limits leave room for a response of {N} samples, but the linear program "
             "has no answer with them; its numbers are of too different sizes, columns of E by a "
-            f"factor of {ratio:.3g}",
-            {},
+            f"factor of {ratio:.3g}"
         )
     limits = {one.name: one.limit for one in program.bounded if one.name in needed}
     needs = [
         f"{name} at most {limits[name]:.6g}, {least:.6g} would do" for name, least in needed.items()
     ]
-    message = f"limits: no response of {N} samples keeps them: {'; '.join(needs)}"
-    return NoResponse(message, needed)
+    return NoResponse(f"limits: no response of {N} samples keeps them: {'; '.join(needs)}")

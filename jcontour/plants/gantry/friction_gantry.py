@@ -19,10 +19,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import check_signs
 from jcontour.plants.friction import Friction, caught, runge_kutta
 from jcontour.plants.gantry.gantry import (
     EquationOfMotion,
@@ -256,13 +255,8 @@ class SmoothFrictionGantry(_FrictionGantry):
         substeps: int | float | None = None,
     ):
         super().__init__(parameters, friction, dt, substeps)
-        if is_concrete(sharpness):
-            value = np.asarray(sharpness)
-            if not np.all(np.isfinite(value) & (value > 0)):
-                raise ValueError(
-                    f"sharpness: needs to be finite and above zero, received {sharpness}"
-                )
         self.sharpness = jnp.asarray(sharpness, float)
+        check_signs(self, positive=("sharpness",))
 
     def initial_state(self, position, increment) -> Float[Array, "6"]:
         """State (z, z') without twist."""

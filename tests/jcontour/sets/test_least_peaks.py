@@ -1,5 +1,7 @@
 """Least peaks against deadbeat control, against other policies, and against reference numbers."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -23,8 +25,8 @@ def test_least_tolerance_of_the_thesis_is_the_reference(axis, axis_numbers, prev
             continue
         actual = least_peak(model, *signals(model, axis_numbers), case["N"])
         assert actual.tolerance == pytest.approx(case["least_tolerance_m"], rel=1e-4)
-        assert actual.limiting == ("u_tilde",)
-        assert actual.peaks["u_tilde"] <= axis_numbers["bounds"]["u_tilde"] * (1 + 1e-9)
+        (answer,) = model.control_signals()
+        assert actual.response.peak(answer) <= axis_numbers["bounds"]["u_tilde"] * (1 + 1e-9)
 
 
 @pytest.mark.slow
@@ -46,9 +48,10 @@ def test_limits_that_nobody_can_keep_are_named(axis, axis_numbers):
     small, limited = signals(model, axis_numbers)
     with pytest.raises(NoResponse, match="no response of 40 samples keeps them") as refused:
         least_peak(model, small, limited, 40)
-    assert "u_tilde" in refused.value.limiting
+    needed = dict(re.findall(r"(\w+) at most \S+, (\S+) would do", str(refused.value)))
+    assert "u_tilde" in needed
     would_do = [
-        signal._replace(limit=1.001 * refused.value.needed.get(signal.name, signal.limit))
+        signal._replace(limit=1.001 * float(needed.get(signal.name, signal.limit)))
         for signal in limited
     ]
     assert least_peak(model, small, would_do, 40).tolerance > 0
@@ -125,9 +128,8 @@ def test_a_program_that_the_solver_gives_up_is_said(slide, monkeypatch):
     monkeypatch.setattr(
         PeakProgram, "solved", lambda *all, soft=False: solved(*all, soft) if soft else None
     )
-    with pytest.raises(NoResponse, match=r"columns of E by a factor of 1e\+06") as refused:
+    with pytest.raises(NoResponse, match=r"columns of E by a factor of 1e\+06"):
         least_peak(model, model.state_signals(["x"], [1, 0]), model.control_signals(4.0), 8)
-    assert refused.value.limiting == ()
 
 
 def test_a_state_out_of_reach_is_said(slide):
