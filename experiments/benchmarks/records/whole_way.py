@@ -314,8 +314,10 @@ def _on_the_machine(
         whole = with_held_end(job, longest - job.samples)
         reference = whole.reference(dt, controller.preview)
         found = _followed(axes, controller, reference, dt)
+        own = np.arange(len(reference.mask)) < job.steps  # the rest is held longer than printed
+        scored = replace(reference, mask=reference.mask & own)
         scores = [
-            score_signals(part[: reference.steps], found.command[: reference.steps], reference)
+            score_signals(part[: reference.steps], found.command[: reference.steps], scored)
             for part in (found.position, found.tool)
         ]
         worst = printed.metrics["tuned"].worst
