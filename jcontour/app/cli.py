@@ -12,6 +12,7 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any, Union
 
 import tyro
@@ -100,17 +101,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     choose_compiler()
     keep_compiled()
     if arguments is None:  # what ends a command from outside ends it as Ctrl-C does
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        for one in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(one, _interrupt)
     with warnings.catch_warnings():
         warnings.showwarning = _print_warning
         # numbers of a loop that diverges: its result says so
         overflow = r"(overflow|invalid value|divide by zero) encountered"
         warnings.filterwarnings("ignore", overflow, RuntimeWarning)
-        code = _answered(list(sys.argv[1:] if arguments is None else arguments))
+        try:
+            code = _answered(list(sys.argv[1:] if arguments is None else arguments))
+        except Exception:  # what pandas makes of an interruption while it loads
+            if not _interruptions:
+                raise
+            print("jcontour: interrupted", file=sys.stderr)
+            code = INTERRUPTED
     if code == INTERRUPTED and arguments is None:  # a second one does not disturb the end
         for one in (signal.SIGINT, signal.SIGTERM):
             signal.signal(one, signal.SIG_IGN)
     return code
+
+
+_interruptions: list[int] = []  # signals that came
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _interruptions.append(number)
+    raise KeyboardInterrupt
 
 
 def _print_warning(message, category, filename, lineno, file=None, line=None) -> None:

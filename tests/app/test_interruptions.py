@@ -84,3 +84,24 @@ def test_a_command_that_is_ended_from_outside_says_so_in_one_line(number):
     ended.send_signal(number)
     assert ended.communicate() == ("", "jcontour: interrupted\n")
     assert ended.returncode == 130
+
+
+def test_an_interruption_that_a_library_makes_an_error_of_while_it_loads():
+    """As pandas, whose compiled modules answer Ctrl-C with ImportError."""
+    program = (
+        "import sys, time\n"
+        "from jcontour.app import cli\n"
+        "def loaded(_):\n"
+        "    print('begun', flush=True)\n"
+        "    try: time.sleep(60)\n"
+        "    except KeyboardInterrupt: raise ImportError('no module') from None\n"
+        "cli._chosen = loaded\n"
+        "sys.exit(cli.main())"
+    )
+    ended = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert ended.stdout is not None and ended.stdout.readline() == "begun\n"
+    ended.send_signal(signal.SIGINT)
+    assert ended.communicate() == ("", "jcontour: interrupted\n")
+    assert ended.returncode == 130

@@ -9,6 +9,7 @@ from jcontour._regular_files import content_of
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # units of length in files
 RADIANS = {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180, "rev": 2 * pi}  # and of angles
+ANGLE = "1 rad stands where tables have 1 m, as at a radius of 1 m"
 LONGEST = 200  # characters of an error of others that is printed
 EXAMPLE = "`jcontour machine --example FILE` writes one"  # of a machine file
 LARGEST = 1e12  # of any number: beyond it squares overflow somewhere

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.app.files.checks import METRES, RADIANS
+from jcontour.app.files.checks import ANGLE, METRES, RADIANS
 from jcontour.app.files.clock import SECONDS, likely_unit, longest_even_part, resampled
 from jcontour.app.files.log_table import Table, finite, read_table
 
@@ -24,7 +24,6 @@ COMMAND_UNITS = (*LENGTHS, *RATES, "v", "mv", "a", "ma", "n", "nm", "rpm", "%", 
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
 ASKED_WORDS = ("command", "cmd", "reference", "ref", "target", "setpoint", "demand", "desired")
 POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
-ANGLE = "1 rad stands where tables have 1 m, as at a radius of 1 m"
 LISTED = 40  # columns that a refusal names
 HAL = {"command": "cmd", "position": "fb"}  # pins of LinuxCNC's joints
 PERIODS = 1e-6, 0.5  # [s] of logs, at least and at most

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from jcontour.app.files.log_file import ANGLE
+from jcontour.app.files.checks import ANGLE
 from jcontour.app.files.results.loop_results import AuditedResult, CauseShare
 from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports.screen import Entry

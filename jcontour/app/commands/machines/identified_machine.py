@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.checks import MachineError
+from jcontour.app.files.checks import ANGLE, MachineError
 from jcontour.app.files.log_file import Log
 from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import write_result
@@ -69,6 +69,7 @@ def kept(flags: Identify, log: Log, source: str, machine: IdentifiedMachine) -> 
     answer = [
         *(Entry(one.name, axis_words(one, flags.control_unit)) for one in result.axes),
         Entry("Limits", "the largest of the record stand in the file: put the machine's own there"),
+        *(Entry("Note", one) for one in log.words if one.startswith("time:") or ANGLE in one),
         *(Entry("Note", note) for note in result.notes),
     ]
     if any(one.friction is not None for one in result.axes):

@@ -106,9 +106,9 @@ def test_a_log_of_one_axis(tmp_path, capsys):
     wanted = np.repeat(random.uniform(-5e-3, 5e-3, 80), 50)
     drive = speed_axis(gain, 12e-3, 1e-3)
     axis = RecordedAxis(drive, "speed", 1e-6, 0.4e-6, 2e-3, (15.0 / gain,))
-    columns = [1e-3 * np.arange(4000), *recorded(axis, wanted, 1e-3, random)]
+    columns = [1e3 * np.arange(4000), *recorded(axis, wanted, 1e-3, random)]
     log, folder = tmp_path / "log.csv", tmp_path / "run"
-    heads = "time_s,y_command,y_position_m"
+    heads = "time,y_command,y_position_m"
     np.savetxt(log, np.column_stack(columns), "%.10g", ",", header=heads, comments="")
     flags = "--axes Y --most-order 1 --most-delay 4 --out".split()
     assert main(["identify", str(log), *flags, str(folder)]) == 0
@@ -117,6 +117,7 @@ def test_a_log_of_one_axis(tmp_path, capsys):
     assert one.name == "Y" and all(len(values) == 1 for values in result.limits.values())
     assert one.gain == pytest.approx(gain, rel=0.02)
     assert any("um" in line and "on X" not in line for line in result.words)
+    assert "is taken as us, a sample every 1 ms" in " ".join(printed.split())
     assert "its X is a copy that nobody measured" in " ".join(printed.split())
     machine = load_machine(folder / "machine.json")
     assert machine.axes == ("Y", "X")
