@@ -290,16 +290,6 @@ class Convergence(NamedTuple):
     # whether the iteration is the same at every sample, so that `estimate` is a bound
     invariant: bool
 
-    @property
-    def bound(self) -> float:
-        """Bound on the ratio from lap to lap; infinite where the iteration changes along it."""
-        return self.estimate if self.invariant else np.inf
-
-    @property
-    def assured(self) -> bool:
-        """Whether every lap is closer to the limit than the last, for the whole family."""
-        return self.bound < 1
-
 
 class ImpulseResponses(NamedTuple):
     """Impulse responses of the iteration, and their size over frequency."""

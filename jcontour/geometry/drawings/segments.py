@@ -88,11 +88,6 @@ class Arc(NamedTuple):
     begin: float
     sweep: float
 
-    @classmethod
-    def circular(cls, start: Planar, centre: Planar, angle: float) -> "Arc":
-        """Arc of a circle that turns by an angle [rad], positive counter-clockwise."""
-        return cls(centre, start - centre, 1j * (start - centre), 0.0, angle)
-
     def at(self, t: float) -> Planar:
         """Point at the parameter t."""
         return self.centre + self.first * math.cos(t) + self.second * math.sin(t)

@@ -298,11 +298,6 @@ class EquationOfMotion(NamedTuple):
         beam = (inertia * across - yaw * turning) / determinant
         return beam, (self.total_mass * turning - yaw * across) / determinant
 
-    def energy(self, q: Coordinates, v: Coordinates) -> Scalar:
-        """Energy K + P [J]."""
-        springs = self.joints * q[2] ** 2 + self.guides * (1 - jnp.cos(q[2])) ** 2
-        return (v @ self.mass_matrix(q) @ v + springs) / 2
-
 
 class GantryPlant(Plant):
     """Common part of the gantries: a sample is integrated in substeps.

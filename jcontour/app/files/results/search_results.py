@@ -103,10 +103,6 @@ class FrontResult:
     recommended: float | None = None  # feed; None where none is
     verdict: Verdict | None = None  # on that feed; None of a search
 
-    def height(self, point: BudgetPoint) -> float:
-        """Error that is drawn over the budgets: RMS [m]; over feeds the largest."""
-        return point.objective if self.against == "feed" else point.error(self.error)
-
     @property
     def slack(self) -> list[float]:
         """Budgets that are not used up."""

@@ -51,7 +51,7 @@ def test_at_a_branch_it_goes_on_where_it_bends_least():
 
 
 def test_gaps_are_closed_by_moving_ends():
-    bent = Arc.circular(MM * (1 + 0.004j), MM * (1 + 1j), np.pi / 2)
+    bent = Arc(MM * (1 + 1j), -0.996j * MM, 0.996 * MM, 0.0, np.pi / 2)
     actual = joined(strokes(Line(0, MM), bent), GAP)
     assert len(actual) == 1
     line, arc = (segment for segment, _ in actual[0])
@@ -61,7 +61,7 @@ def test_gaps_are_closed_by_moving_ends():
 
 
 def test_a_gap_beside_a_nearly_whole_circle_is_closed_by_a_line():
-    curled = Arc.circular(MM * (1 + 0.004j), MM * (2 + 0.004j), 0.99 * 2 * np.pi)
+    curled = Arc(MM * (2 + 0.004j), -MM, -1j * MM, 0.0, 0.99 * 2 * np.pi)
     actual = joined(strokes(Line(0, MM), curled), GAP)
     assert [type(segment) for segment, _ in actual[0]] == [Line, Line, Arc]
     assert actual[0][2].segment == curled

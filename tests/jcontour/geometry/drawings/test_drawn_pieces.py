@@ -60,7 +60,7 @@ def test_bezier_curves(curve):
 
 
 def test_kinds_stay_in_their_order():
-    line, arc = Line(0, MM), Arc.circular(MM, MM * (1 + 1j), np.pi)
+    line, arc = Line(0, MM), Arc(MM * (1 + 1j), -1j * MM, MM, 0.0, np.pi)
     ellipse = Arc(MM * (1 + 4j), -2j * MM, MM, 0.0, np.pi)
     actual = drawn_pieces([line, ellipse, arc, Line(5 * MM, 5 * MM), line])
     assert sorted(set(actual.owner.tolist())) == [0, 1, 2, 4]

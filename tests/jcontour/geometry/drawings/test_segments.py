@@ -43,7 +43,7 @@ def test_its_middle_and_its_ends_are_points_of_it(segment):
 
 
 def test_a_closed_segment_does_not_vanish_and_a_short_one_does():
-    whole = Arc.circular(1e-2, 0, math.tau)
+    whole = Arc(0, 1e-2, 1e-2j, 0.0, math.tau)
     loop = Curve.bezier(0, 1e-2, 1e-2j, 0)
     assert not vanishes(whole) and not vanishes(loop)
     assert whole.start == whole.end and loop.start == loop.end
