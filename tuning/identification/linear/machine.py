@@ -22,7 +22,7 @@ from tuning.identification.linear.validation import Estimate, Response
 from tuning.identification.linear.vector_fitting import FLOOR, fitted_to, joined
 
 LINES = 12  # that show a response
-HALF = 0.5  # of the speed explained: by a model that shows that columns belong together
+HALF = 0.5  # of the speed, explained by a model of columns that belong together; of a slow response
 MOSTLY, BLURRED = (
     0.9,
     0.7,
@@ -173,9 +173,9 @@ def _fitted(
 ) -> Judged | None:
     """The model of the lines; of a mass that slides with its friction and its slow motion.
 
-    None where the lines mislead: their model gives no motion, or the simple one gives it better,
-    under the same friction. Lines of spectra are bent by feedback, and a trajectory that repeats is
-    no period of the record.
+    None where the lines mislead: their model has another slow motion, or the simple one gives the
+    motion better, under the same friction. Lines of spectra are bent by feedback, and a trajectory
+    that repeats is no period of the record.
     """
     latest = max(most_delay, round(LATEST / record.dt))
     if simple is None or simple.explained < diagnosis.POOR:
@@ -195,7 +195,8 @@ def _fitted(
         drag = rigid_axis.reversal_error(simple.record, model)
     found = judged(simple.record, model, drag)
     alone = judged(simple.record, simple.fit.model, simple.fit.drag)
-    if found.explained < HALF or 1 - found.explained > worse * (1 - alone.explained):
+    apart = np.abs(model.response(2 * np.pi * below) / slow.value - 1)
+    if apart.max() > HALF or 1 - found.explained > worse * (1 - alone.explained):
         return None
     if not integrators:
         return found

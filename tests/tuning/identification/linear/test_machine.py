@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -119,7 +120,7 @@ def test_a_ripple_over_the_angle_leaves_the_friction_of_a_joint(joint):
     assert one.friction is not None and one.friction[0] == pytest.approx(0.31, rel=0.05)
 
 
-def test_lines_whose_model_gives_no_motion_mislead(joint):
+def test_lines_whose_model_has_another_slow_motion_mislead(joint):
     """A hundredth of the response; friction takes so much that no linear model gives the motion."""
     record = AxisRecord(joint.dt, joint.command[:, 0], joint.position[:, 0])
     simple, hertz = simplest(record, 1e-5, 3), 0.1 + 0.2 * np.arange(40)
@@ -127,3 +128,36 @@ def test_lines_whose_model_gives_no_motion_mislead(joint):
     value = 0.01 * simple.fit.model.response(2 * np.pi * hertz)
     lines = Response(hertz, value, np.full(40, 0.05))
     assert machine._fitted(record, lines, simple, 3, 3, machine.WORSE_THAN_LINES) is None
+
+
+@pytest.mark.slow
+def test_a_resonance_is_found_on_an_axis_that_sticks_between_its_moves():
+    """Motor 60 kg, load 30 kg and an antiresonance of 45 Hz, hence a resonance of 45 sqrt(1.5)."""
+    rows, parts, random = 40_000, 8, np.random.default_rng(0)
+    phases = 2 * np.pi * random.random(399)[:, None]
+    sines = np.cos(np.pi * np.arange(1, 400)[:, None] * DT * np.arange(2000) + phases).sum(axis=0)
+    sines = np.append(np.tile(60.0 * sines / sines.std(), 6), np.zeros(rows - 12_000))
+    time = DT * np.arange(rows)
+    knots, part = random.uniform(0.0, 0.2, 42), np.minimum(time % 1.0 / 0.8, 1.0)
+    begin = time.astype(int)
+    wanted = knots[begin] + np.diff(knots)[begin] * part**3 * (10 - 15 * part + 6 * part**2)
+    wanted[:12_000] = 0.01 * time[:12_000]
+    spring, step = 30 * (2 * np.pi * 45) ** 2, DT / parts
+    damping = 0.04 * np.sqrt(20 * spring)
+    x, y, v, w, before = wanted[0], wanted[0], 0.0, 0.0, wanted[0]
+    command, position = np.zeros(rows), np.zeros(rows)
+    for k, noise in enumerate(0.4e-6 * random.standard_normal(rows)):
+        position[k] = counted = 1e-6 * np.round((x + noise) / 1e-6)
+        command[k] = 3000 * (40 * (wanted[k] - counted) - (counted - before) / DT) + sines[k]
+        before, u = counted, float(command[k])
+        for _ in range(parts):
+            force = spring * (x - y) + damping * (v - w)
+            v += step * (u - force - 40 * math.tanh(v / 1e-3)) / 60
+            w += step * (force - 20 * w) / 30
+            x, y = x + step * v, y + step * w
+    record = MachineRecord(DT, ("X",), command[:, None], position[:, None])
+    (one,) = identify_machine(record, 3, 10).axes
+    poles = one.fit.model.poles
+    (pair,) = poles[np.imag(poles) > 0]
+    assert abs(np.log(pair)) / (2 * np.pi * DT) == pytest.approx(45 * np.sqrt(1.5), rel=0.01)
+    assert one.friction is not None and one.friction[0] == pytest.approx(40.0, rel=0.05)
