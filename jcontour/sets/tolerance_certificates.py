@@ -13,7 +13,6 @@ rows, the least of the Lagrangian over the box of the variables is a bound: it i
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
@@ -25,18 +24,6 @@ from jcontour.sets.responses import DisturbedModel, Numbers, Signal
 GAP = 1e-6  # relative, between the solver's optimum and what its multipliers prove
 
 
-class Certificate(NamedTuple):
-    """Least tolerance of any controller.
-
-    Attributes:
-        bound: proven by the multipliers.
-        optimum: of the linear program; the bound is at most this.
-    """
-
-    bound: float
-    optimum: float
-
-
 def least_tolerance_of_any(
     model: DisturbedModel,
     wanted: Signal,
@@ -44,8 +31,8 @@ def least_tolerance_of_any(
     reference: Numbers,
     disturbance: Numbers,
     offsets: Numbers | None = None,
-) -> Certificate:
-    """Lower bound on the largest |wanted - reference| of any controller.
+) -> float:
+    """Lower bound on the largest |wanted - reference| of any controller, proven by multipliers.
 
     Args:
         model: A, B, E.
@@ -113,7 +100,7 @@ def least_tolerance_of_any(
         raise ValueError(
             f"certificate: the multipliers prove {proven:.6g}, the solver claims {program.fun:.6g}"
         )
-    return Certificate(proven, float(program.fun))
+    return proven
 
 
 def _kept(

@@ -232,7 +232,7 @@ def certificate(size: float, speed: float) -> float:
     acting = -np.ones((len(reference) - 1, 1))
     middles = [0.05, 0.0, 0.05, 0.0, 0.0]
     least = least_tolerance_of_any(model, wanted, limited, reference, acting, middles)
-    return 1e3 * least.bound
+    return 1e3 * least
 
 
 def least_tolerance(reference: str, length: int) -> float:

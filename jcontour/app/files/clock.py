@@ -51,7 +51,7 @@ def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
             f"{len(time)} samples: keep that part alone, or let the drive record by its own clock"
         )
     part = time[start:end]
-    dt, words = _mean_step(part), []
+    dt, words = float((part[-1] - part[0]) / (len(part) - 1)), []
     if odd.size:
         restarts = int((np.diff(time)[odd] <= 0).sum())
         words.append(
@@ -86,10 +86,6 @@ def _odd_steps(time: Float[np.ndarray, " T"]) -> tuple[float, Int[np.ndarray, " 
     if not usual > 0:
         raise ValueError("the column time has to grow, as seconds do")
     return usual, np.flatnonzero(~(np.abs(steps - usual) <= MOST_JITTER * usual))
-
-
-def _mean_step(time: Float[np.ndarray, " T"]) -> float:
-    return float((time[-1] - time[0]) / (len(time) - 1))
 
 
 def _uneven(time: Float[np.ndarray, " T"], usual: float, first: int) -> str:

@@ -98,7 +98,6 @@ class OptimalFeedforward:
     wanted: tuple[Polynomial, Polynomial]
     optimum: ErrorFilter  # the error filter E', with its cost
     preview: int  # N_p [samples]
-    remarks: tuple[str, ...]  # what a user should know about the design, a line each
 
 
 def optimal_feedforward(
@@ -135,21 +134,12 @@ def optimal_feedforward(
     kept = np.concatenate([np.zeros(plant.delay), polynomial_from_zeros(unstable)])
     quotient = divided(wanted, kept, size=float(np.max(np.abs(below))))
     stable = plant.gain * polynomial_from_zeros(zeros.cancellable)
-    remarks = []
-    if unstable.size == 0:
-        remarks.append("the plant has no unstable zero: the filter is its plain inverse")
-    if following.preview < plant.delay:
-        remarks.append(
-            f"preview: {following.preview} samples are shorter than the plant's delay of "
-            f"{plant.delay}: the error begins with the reference itself"
-        )
     return OptimalFeedforward(
         np.convolve(quotient, plant.denominator),
         np.convolve(stable, below),
         (wanted, below),
         solution,
         following.preview,
-        tuple(remarks),
     )
 
 

@@ -178,14 +178,11 @@ SHARED = 1e-6  # largest distance of a zero and a pole that cancel
 
 @dataclass(frozen=True, eq=False)
 class HinfOptimum:
-    """An H-infinity optimal error filter and its certificate."""
+    """An H-infinity optimal error filter."""
 
     numerator: Polynomial  # of E, ascending in lambda
     denominator: Polynomial  # of E; all roots are outside the unit circle
     cost: float  # J
-    # smallest eigenvalue of J^2 I - M(S) M(S)*, Pick's matrix in orthonormal coordinates: filters
-    # below J exist only if it stays above zero for a smaller J
-    margin: float
 
     def response(self, points) -> Complex[np.ndarray, "*f"]:
         """E at points lambda."""
@@ -209,13 +206,11 @@ def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
     (0.3, [0.0, 0.3, 0.0])
     """
     if problem.zeros.size == 0:
-        return HinfOptimum(np.zeros(1), np.ones(1), 0.0, 0.0)
-    X = problem.model
-    left, sizes, right = np.linalg.svd(X)
+        return HinfOptimum(np.zeros(1), np.ones(1), 0.0)
+    left, sizes, right = np.linalg.svd(problem.model)
     cost = float(sizes[0])
     if cost == 0:
-        return HinfOptimum(np.zeros(1), np.ones(1), 0.0, 0.0)
-    eigenvalues = np.linalg.eigvalsh(cost**2 * np.eye(len(X)) - X @ X.conj().T)
+        return HinfOptimum(np.zeros(1), np.ones(1), 0.0)
     # phi_i times prod_j (1 - z_j* lambda), row by row, ascending
     rows = []
     for i, zero in enumerate(problem.zeros):
@@ -233,7 +228,7 @@ def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
     mirrored = cost * np.sign(top @ below[::-1]) * below[::-1]
     if np.max(np.abs(top - mirrored)) <= SHARED * np.max(np.abs(top)):
         top = mirrored  # |E| = J to the last digit
-    return HinfOptimum(top / below[0], below / below[0], cost, float(eigenvalues[0]))
+    return HinfOptimum(top / below[0], below / below[0], cost)
 
 
 def _without_shared_roots(top: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:

@@ -93,7 +93,7 @@ def test_general_zeros_are_the_reference(general_problems):
         assert actual.cost == pytest.approx(wanted["J_hinf"], rel=1e-8)
         np.testing.assert_allclose(actual.samples(8), wanted["e_hinf_first8"], atol=1e-12)
         modulus = np.abs(actual.response(CIRCLE))
-        assert np.ptp(modulus) < 1e-12 and abs(actual.margin) < 1e-12
+        assert np.ptp(modulus) < 1e-12
         if "J_hinf_pick" in wanted and wanted["J_hinf_pick"] is not None:
             assert pick_norm(problem) == pytest.approx(wanted["J_hinf_pick"], rel=1e-8)
 
@@ -103,7 +103,6 @@ def test_certificates_on_random_zeros(random_problems):
         actual = hinf_optimum(problem)
         np.testing.assert_allclose(np.abs(actual.response(CIRCLE)), actual.cost, rtol=1e-9)
         assert pick_norm(problem) == pytest.approx(actual.cost, rel=1e-9)
-        assert abs(actual.margin) <= 1e-9 * actual.cost**2
         np.testing.assert_allclose(actual.response(problem.zeros), problem.values, atol=1e-8)
         poles = np.roots(actual.denominator[::-1])
         assert np.all(np.abs(poles) > 1)
