@@ -133,12 +133,8 @@ class Sliding(NamedTuple):
         return cls(float(gain), float(-log.dt / np.log(model.poles[0].real)), friction, offset)
 
 
-PUBLISHED = Sliding(
-    emps.DRIVE_GAIN / emps.VISCOUS,
-    emps.MASS / emps.VISCOUS,
-    emps.COULOMB / emps.DRIVE_GAIN,
-    -emps.OFFSET / emps.DRIVE_GAIN,
-)
+_G, _C = emps.DRIVE_GAIN, emps.VISCOUS
+PUBLISHED = Sliding(_G / _C, emps.MASS / _C, emps.COULOMB / _G, -emps.OFFSET / _G)
 
 
 def emps_error(

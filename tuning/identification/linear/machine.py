@@ -23,10 +23,8 @@ from tuning.identification.linear.vector_fitting import FLOOR, fitted_to, joined
 
 LINES = 12  # that show a response
 HALF = 0.5  # of the speed, explained by a model of columns that belong together; of a slow response
-MOSTLY, BLURRED = (
-    0.9,
-    0.7,
-)  # of the lines within their intervals, where a model is enough; of spectra
+# of the lines within their intervals, where a model is enough; of spectra
+MOSTLY, BLURRED = 0.9, 0.7
 LATEST = 5e-3  # [s] of a delay that is looked for in any case
 SLOWER = np.geomspace(0.03, 0.5, 8)  # of the lowest line: there a mass with friction is the model
 LEAST_GAIN, UNKNOWN_GAIN = 0.02, 0.99  # no drive repeats better from day to day; of any gain

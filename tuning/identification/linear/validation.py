@@ -31,10 +31,8 @@ HIGHEST = 0.8  # of half the sampling rate
 EXTREME, STUCK = 1e-9, 5  # of the range; samples in a row at an extreme that are no coincidence
 DRAGS = ("friction", "offset")  # what may act in the place of the command, in this order
 HALVES = (1, 2, 4, 8)  # samples on either side of a sign of the speed
-CLEAR, SLOW = (
-    10.0,
-    4.0,
-)  # counts, or deviations of the noise: usual motion that is clear, and least one that has a sign
+# counts, or deviations of the noise: usual motion that is clear, and least one that has a sign
+CLEAR, SLOW = 10.0, 4.0
 BLOCK = 500  # samples in which noise pulls by itself
 CHANCE = 5.0  # standard deviations of the mean square of a Gaussian
 SPECTRUM = 2048  # samples of one spectrum of many
