@@ -239,12 +239,13 @@ def two_axes():
 @cache
 def _closed_loop(name: str):
     """Smooth and true nominal plant, controller and references of a name in the catalogue."""
-    from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, first_machine
+    from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for
     from jcontour.app.catalogue.entries import MACHINES, design_class
     from jcontour.app.designs.receding_horizon import LQDesign
     from jcontour.app.flags.loops import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along
+    from tests.plants import first_machine
 
     machine = MACHINES[first_machine(name)]()
     with warnings.catch_warnings():  # not every controller reads all of them
