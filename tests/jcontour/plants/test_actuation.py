@@ -154,7 +154,8 @@ def test_an_audit_finds_the_gap(runs):
         error = np.asarray(contour_error(jnp.asarray(places), reference))
         return error, np.asarray(reference.tangent)[:steps]
 
-    found = shares(asked, tool, reference.dt, np.full(2, 1e-9), error_of, np.arange(steps) > 200)
+    counts, scored = np.full((2, 2), 1e-9), np.arange(steps) > 200
+    found = shares(asked, tool, reference.dt, counts, error_of, scored)
     first = found.causes[0]
     assert (first.kind, first.axis) == ("backlash", 1)
     assert first.size == pytest.approx(GAP[1], rel=0.3)

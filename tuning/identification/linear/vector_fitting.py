@@ -4,9 +4,9 @@
 
 r_0 is there with an integrator; c is what a delay of a part of a sample leaves. The poles are found
 by Gustavsen and Semlyen's iteration (IEEE Trans. Power Delivery 14, 1999): sigma G and sigma have
-the same poles, the zeros of sigma are the next ones. Nothing is known above the lines but that
-masses move: there a gain as large as that of a mass, from `BEYOND` times the last line on, counts
-like a line that is missed by its deviation.
+the same poles, the zeros of sigma are the next ones. Where the lines fall, nothing is known above
+them but that masses move: there a gain as large as that of a mass, from `BEYOND` times the last
+line on, counts like a line that is missed by its deviation.
 """
 
 from dataclasses import replace
@@ -25,6 +25,7 @@ BEGIN = 0.03  # damping of the first poles
 ALIKE = 1.05  # ratio of what two delays leave that does not tell them apart
 BESIDE = 0.3  # of the distance of a pole from the unit circle: a zero so near cancels it
 NARROW = 0.2  # of the distance of lines: a sharper peak is one line's error
+FALLS = 0.5  # median gain of the last octave over that two octaves below, of lines that fall
 BEYOND, ABOVE = 2.0, 12  # times the last line; places from there to half the sampling rate
 
 
@@ -49,7 +50,9 @@ def fitted_to(
     w = 2 * np.pi * dt * lines.frequency
     weight = 1 / (np.abs(lines.value) * np.hypot(lines.half_width / 2, floor))
     spacing = float(np.median(np.diff(w)))
-    if BEYOND * w[-1] < np.pi:
+    high, low = (np.abs(lines.value[part]) for part in (w > w[-1] / 2, w < w[-1] / 4))
+    falls = low.size and np.median(high) < FALLS * np.median(low)
+    if falls and BEYOND * w[-1] < np.pi:
         above = np.geomspace(BEYOND * w[-1], np.pi, ABOVE)
         mass = np.abs(lines.value[-1]) * (above[0] / above) ** 2
         nothing = Response(above / (2 * np.pi * dt), 0j * above, mass)
