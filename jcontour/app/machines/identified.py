@@ -47,13 +47,11 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
             width = np.maximum(width, floor)
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
-    measured = _columns([_measured(one) for one in identified.axes])
     apart = [
         uncoupled(one.fit.model, 2 * np.pi * one.lines.frequency.max(initial=0.0))
         for one in identified.axes
     ]
-    loose = [(np.zeros(0), np.zeros(0)) if one is None else one for one in apart]
-    loose = [_lines(w / (2 * np.pi), off, 0.0 * w) for w, off in loose]
+    loose = [_lines(w / (2 * np.pi), off, 0.0 * w) for w, off in apart]
     fields = {
         "name": name,
         "length_unit": "m",
@@ -69,8 +67,8 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
             "gain": identified.gain,
             "delay": identified.late,
             "response": {"hertz": kept.tolist(), "relative": rows},
-            "measured": measured,
-            **({} if not any(one is not None for one in apart) else {"uncoupled": _columns(loose)}),
+            "measured": _columns([_measured(one) for one in identified.axes]),
+            **({"uncoupled": _columns(loose)} if any(len(w) for w, _ in apart) else {}),
         },
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
@@ -120,7 +118,7 @@ def _measured(axis: IdentifiedAxis) -> dict[str, list[float]]:
 
 
 def _lines(hertz: np.ndarray, off: np.ndarray, width: np.ndarray) -> dict[str, list[float]]:
-    columns = {"hertz": hertz, "real": off.real, "imaginary": off.imag, "half_width": width}
+    columns = {"hertz": hertz, "real": np.real(off), "imaginary": np.imag(off), "half_width": width}
     return {name: [float(f"{one:.4g}") for one in column] for name, column in columns.items()}
 
 

@@ -159,7 +159,7 @@ BESIDE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])  # half widths of a peak
 
 def uncoupled(
     model: AxisModel, highest: float
-) -> tuple[Float[np.ndarray, " F"], Complex[np.ndarray, " F"]] | None:
+) -> tuple[Float[np.ndarray, " F"], Complex[np.ndarray, " F"]]:
     """How far the response is off where backlash leaves less of the stiffness of a coupling.
 
     An oscillation that crosses a gap meets a share N of the stiffness behind it, between 0 and 1
@@ -175,7 +175,7 @@ def uncoupled(
         highest: frequency to which it was measured [rad/s].
 
     Returns:
-        Frequencies [rad/s] and relative errors; None where no antiresonance comes before the first
+        Frequencies [rad/s] and relative errors; none where no antiresonance comes before the first
         resonance, or that was not measured: the encoder is not before a coupling, or none is seen.
     """
     size = max(len(model.denominator), len(model.numerator)) + 1
@@ -198,10 +198,10 @@ def uncoupled(
         np.abs(poles) > np.abs(zeros).min(initial=np.inf) / SPAN
     ]  # the double one at rest
     if not (poles.size and abs(zeros[0]) < abs(poles[0])):
-        return None
+        return np.zeros(0), np.zeros(0, complex)
     zero, pole = zeros[0], newton(masses, poles[0], full_output=True, disp=False)[0]
     if not (abs(pole - poles[0]) < FOUND * abs(poles[0]) and abs(pole) < highest):
-        return None
+        return np.zeros(0), np.zeros(0, complex)
     frequencies, errors = [], []
     for share in STIFFNESS:
         around = [np.sqrt(share) * (abs(one) + BESIDE * one.real) for one in (zero, pole)]
