@@ -50,7 +50,15 @@ def beam_modes(beam: Beam, count: int) -> BeamModes:
     >>> modes = beam_modes(thesis_beam(), 3)
     >>> (modes.frequency / (2 * np.pi)).round(2).tolist()  # [Hz]
     [27.05, 169.51, 474.64]
+
+    Raises:
+        ValueError: a number of the beam is not above zero (the load may be), or no mode is asked
+            for.
     """
+    if not (min(beam[:3]) > 0 and beam.load >= 0 and np.isfinite(beam).all()):
+        raise ValueError(f"beam: needs length, stiffness and density above zero, received {beam}")
+    if count < 1:
+        raise ValueError(f"count: needs at least one mode, received {count}")
     ratio = beam.load / (beam.density * beam.length)
 
     def characteristic(beta):  # over cosh beta

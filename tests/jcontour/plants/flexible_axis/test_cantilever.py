@@ -45,3 +45,11 @@ def test_a_load_at_the_tip_is_that_of_finite_elements():
     products = (shapes * mass) @ shapes.T + beam.load * np.outer(tip, tip)
     sizes = np.sqrt(np.diag(products))
     np.testing.assert_allclose(products / np.outer(sizes, sizes), np.eye(3), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("load", "count", "why"), [(-1.0, 1, "beam: needs length"), (0.0, 0, "count: needs at least")]
+)
+def test_beams_that_cannot_be_are_refused(load, count, why):
+    with pytest.raises(ValueError, match=why):
+        beam_modes(thesis_beam()._replace(load=load), count)
