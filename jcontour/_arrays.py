@@ -1,6 +1,7 @@
 """Values as arrays of JAX, traced or not, their largest, and arrays as short words."""
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
@@ -126,3 +127,8 @@ def check_signs(
             if not np.all(np.isfinite(numbers) & enough):
                 bound = "above" if name in positive else "at least"
                 raise ValueError(f"{name}: needs to be finite and {bound} zero, received {value}")
+
+
+def check_above_zero(**values: Any) -> None:
+    """Raise ValueError unless numbers are finite and above zero; traced ones pass."""
+    check_signs(SimpleNamespace(**values), positive=tuple(values))

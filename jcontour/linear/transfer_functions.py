@@ -16,6 +16,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Complex, Float
 
+from jcontour._arrays import check_above_zero
 from jcontour.linear.plant import LinearPlant, decoupled_axes
 
 # A zero of order two is only known to the root of the precision, times what its plant magnifies.
@@ -101,8 +102,7 @@ def from_polynomials(
     for name, one in {"numerator": top, "denominator": below}.items():
         if one.ndim != 1 or one.size == 0 or not np.isfinite(one).all():
             raise ValueError(f"{name}: needs a row of finite coefficients, received {one}")
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt: needs to be above zero, received {dt}")
+    check_above_zero(dt=dt)
     if not np.any(top):
         raise ValueError("numerator: needs a coefficient that is not zero")
     if below[0] == 0:

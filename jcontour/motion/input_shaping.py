@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import check_above_zero, is_concrete
 
 
 class Shaper(eqx.Module):
@@ -117,8 +117,7 @@ def ei(frequency, damping=0.0, vibration=0.05) -> Shaper:
 
 def _mode(frequency, damping) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Half a period of the damped mode [s], and its decay factor in this time."""
-    if is_concrete(frequency) and not (np.isfinite(frequency) and float(frequency) > 0):
-        raise ValueError(f"frequency: needs to be finite and above zero, received {frequency}")
+    check_above_zero(frequency=frequency)
     if is_concrete(damping) and not 0 <= float(damping) < 1:
         raise ValueError(f"damping: needs to be at least 0 and below 1, received {damping}")
     w, zeta = jnp.asarray(frequency, float), jnp.asarray(damping, float)

@@ -12,10 +12,9 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour._arrays import check_signs, ranked
+from jcontour._arrays import check_above_zero, check_signs, ranked
 from jcontour.plant import Plant
 
 Axes = Float[Array, "*m"]
@@ -117,8 +116,7 @@ def substeps_of(dt: float, substeps: int | float | None, longest: float) -> int:
         ValueError: `dt` is not above zero or no whole number of them, or `substeps` not a whole
             number of at least one.
     """
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
+    check_above_zero(dt=dt)
     count = round(dt / longest) if substeps is None else substeps
     if substeps is None and (count < 1 or abs(count * longest - dt) > 1e-9 * dt):
         raise ValueError(

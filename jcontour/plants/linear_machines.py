@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import block_diag
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import check_above_zero
 from jcontour.linear.plant import LinearPlant, Pattern
 from jcontour.linear.transfer_functions import transfer_function
 from jcontour.linear.transformations import zoh
@@ -103,9 +103,7 @@ def linear_motor_drive(
     """
     if bandwidth is None:
         bandwidth = bandwidth_of_zero(ZERO, drag, dt)
-    for name, value in (("bandwidth", bandwidth), ("dt", dt)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+    check_above_zero(bandwidth=bandwidth, dt=dt)
     if not (np.isfinite(drag) and drag >= 0):
         raise ValueError(f"drag: needs to be finite and at least zero, received {drag}")
     # in units of a sample all entries are of order one; in SI units expm loses six digits
@@ -153,9 +151,7 @@ def servo_axes(gain: Any, pole: Any, dt: float) -> LinearPlant:
     Raises:
         ValueError: a number is not above zero, or the shapes do not fit.
     """
-    for name, value in {"dt": dt, "gain": gain, "pole": pole}.items():
-        if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
-            raise ValueError(f"{name}: needs to be above zero, received {value}")
+    check_above_zero(dt=dt, gain=gain, pole=pole)
     gain, pole = jnp.asarray(gain, float), jnp.asarray(pole, float)
     if jnp.ndim(gain) != 1 or jnp.shape(pole) not in ((), gain.shape):
         raise ValueError(

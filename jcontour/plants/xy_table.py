@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import placed
+from jcontour._arrays import check_above_zero, placed
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
@@ -95,8 +95,7 @@ def xy_table(dt: float, drives: tuple[DriveParameters, ...] = (X_DRIVE, Y_DRIVE)
     Raises:
         ValueError: `dt` is not above zero.
     """
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
+    check_above_zero(dt=dt)
     A, torque, C = _continuous(drives)
     constants = np.array([drive.torque_constant for drive in drives])
     return LinearPlant(*zoh(A, torque[:, ::2] * constants, dt), C, dt)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import psutil
 
+from jcontour._arrays import check_above_zero
 from jcontour.app.flags.shared import FeedLaw, MachineFlags, Planner
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import MM_PER_MIN
@@ -104,14 +105,13 @@ class Pace(NamedTuple):
     @classmethod
     def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
         """Pace that the flags ask for."""
-        for name, value in (
-            ("feed-mm-per-min", flags.feed_mm_per_min),
-            ("acceleration", flags.acceleration),
-            ("jerk", flags.jerk),
-            ("junction-deviation-um", flags.junction_deviation_um),
-        ):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        asked = {
+            "feed-mm-per-min": flags.feed_mm_per_min,
+            "acceleration": flags.acceleration,
+            "jerk": flags.jerk,
+            "junction-deviation-um": flags.junction_deviation_um,
+        }
+        check_above_zero(**{name: value for name, value in asked.items() if value is not None})
         feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
         for name, value in (
             ("corner-tolerance-um", flags.corner_tolerance_um),

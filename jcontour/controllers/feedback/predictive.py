@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import check_above_zero, is_concrete
 from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.controllers.feedback.state_feedback import TargetPlan, accelerated_targets
@@ -111,9 +111,7 @@ class PredictiveCascade(Controller):
     preview: int = eqx.field(static=True)
 
     def __init__(self, cascade: Cascade, lag: ArrayLike, effort: ArrayLike, horizon: int):
-        for name, value in {"lag": lag, "effort": effort}.items():
-            if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        check_above_zero(lag=lag, effort=effort)
         self.cascade, self.preview = cascade, whole_preview(horizon)
         numbers = (jnp.asarray(one, float) for one in (lag, effort))
         each = (jnp.broadcast_to(one, (cascade.sensors.axes,)) for one in numbers)

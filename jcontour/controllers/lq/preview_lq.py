@@ -19,10 +19,9 @@ which its target needs; their proportional tracking loop and its command are tha
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.feedback.state_feedback import accelerated_targets
 from jcontour.controllers.lq.contouring_lq import (
@@ -69,9 +68,7 @@ class PreviewLQ(ModelFeedback):
     ):
         self.model, self.preview, self.motion = model, whole_preview(preview), motion
         self.alpha, self.rho = jnp.asarray(alpha, model.A.dtype), jnp.asarray(rho, model.A.dtype)
-        for name, weight in (("alpha", self.alpha), ("rho", self.rho)):
-            if is_concrete(weight) and not 0 < float(weight) < np.inf:
-                raise ValueError(f"{name}: needs a finite weight above zero, received {weight}")
+        check_signs(self, positive=("alpha", "rho"))
         check_dare(model.A, model.B, *self._cost())
 
     def gain_schedule(self, reference: Reference) -> AffinePlan:

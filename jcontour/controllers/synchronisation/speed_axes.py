@@ -33,6 +33,7 @@ from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.optimize import root_scalar
 
+from jcontour._arrays import check_above_zero
 from jcontour.linear.plant import spectral_radius
 
 
@@ -72,9 +73,7 @@ def speed_axes(pole, gain) -> SpeedAxes:
         ValueError: a number is not finite or not above zero.
     """
     pole, gain = np.broadcast_arrays(np.atleast_1d(pole), np.atleast_1d(gain))
-    for name, values in {"pole": pole, "gain": gain}.items():
-        if not np.all(np.isfinite(values) & (values > 0)):
-            raise ValueError(f"{name}: needs to be above zero, received {values}")
+    check_above_zero(pole=pole, gain=gain)
     return SpeedAxes(np.array(pole, float), np.array(gain, float))
 
 

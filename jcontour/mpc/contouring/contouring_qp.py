@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from jcontour._arrays import check_signs
 from jcontour._compiled import compiled
 from jcontour.geometry.contour import Contour
 from jcontour.linear.plant import LinearPlant
@@ -64,14 +65,8 @@ class ContouringWeights:
     period: float = 4e-3
 
     def __post_init__(self):
-        for name in ("contour_error", "lag", "progress"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
-        for name in ("speed_change", "length_unit", "period"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        check_signs(self, not_negative=("contour_error", "lag", "progress"))
+        check_signs(self, positive=("speed_change", "length_unit", "period"))
 
     def control_matrix(self, inputs: int) -> Float[np.ndarray, "p p"]:
         """R_u as a matrix.

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jcontour._arrays import check_above_zero
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
@@ -109,8 +110,7 @@ class MPCC(HostController):
                 f"contour: needs as many axes as the model has outputs, {model.axes}, "
                 f"received {contour.axes}"
             )
-        _check_positive("speed_limit", speed_limit)
-        _check_positive("arrival", arrival)
+        check_above_zero(speed_limit=speed_limit, arrival=arrival)
         lower, upper = bounds("control", control, model.inputs)
         self.path = path_of(contour, self.weights.length_unit)
         self.length = self.path.length
@@ -253,8 +253,3 @@ class MPCC(HostController):
             self._lower,
             self._upper,
         )
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name}: needs to be finite and above zero, received {value}")

@@ -151,7 +151,7 @@ def test_bad_input(two_axes):
     ):
         with pytest.raises(ValueError, match=f"{name}: needs a row of finite coefficients"):
             from_polynomials(top, below, 1.0)
-    with pytest.raises(ValueError, match="dt: needs to be above zero"):
+    with pytest.raises(ValueError, match="dt: needs to be finite and above zero"):
         from_polynomials([1.0], [1.0], 0.0)
     with pytest.raises(ValueError, match="ringing"):
         sorted_zeros(from_polynomials([1.0], [1.0], 1.0), ringing=0.0)

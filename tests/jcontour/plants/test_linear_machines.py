@@ -165,7 +165,7 @@ def test_numbers_may_be_traced():
     [([0.0], 1.0, 1e-3), ([1.0], -1.0, 1e-3), ([1.0], 1.0, 0.0), ([np.nan], 1.0, 1e-3)],
 )
 def test_bad_numbers(gain, pole, dt):
-    with pytest.raises(ValueError, match="needs to be above zero"):
+    with pytest.raises(ValueError, match="needs to be finite and above zero"):
         servo_axes(gain, pole, dt)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 
+from jcontour._arrays import check_above_zero
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.run_metrics import RunMetrics
@@ -202,9 +203,7 @@ def limits_of(flags: Check, machine: Machine) -> Limits:
         if value is None:
             sizes[name] = getattr(machine.limits, name)
             continue
-        if not (np.isfinite(value) and value > 0):
-            named = flag.replace("_", "-")
-            raise ValueError(f"{named}: needs to be finite and above zero, received {value}")
+        check_above_zero(**{flag.replace("_", "-"): value})
         sizes[name] = factor * value
     if all(size is None for size in sizes.values()):
         raise ValueError(

@@ -55,7 +55,7 @@ def test_feedforward_reproduces_any_speed():
 
 @pytest.mark.parametrize(("pole", "gain"), [(0.0, 1.0), (1.0, [1.0, -2.0]), (np.inf, 1.0)])
 def test_bad_numbers(pole, gain):
-    with pytest.raises(ValueError, match="needs to be above zero"):
+    with pytest.raises(ValueError, match="needs to be finite and above zero"):
         speed_axes(pole, gain)
 
 
