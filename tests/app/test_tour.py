@@ -22,17 +22,18 @@ from jcontour.app.files.results.tuned_result import TunedResult
 from tests.app.tour import LONG, STOPS, masked
 
 NO_SCREEN = ("list", "machine", "new-machine", "excite")
-# results that follow from the input without a search: equal on every computer
-NUMBERS = (
-    "simulate",
-    "front-feed",
-    "precompensate",
-    "learn",
-    "check-bound",
-    "sweep",
-    "traverse",
-    "identify",
-)
+# results that follow from the input without a search of weights -> relative tolerance. Those of
+# conjugate gradients that are cut off differ by 2e-3 between processors
+NUMBERS = {
+    "simulate": 1e-3,
+    "front-feed": 1e-3,
+    "precompensate": 1e-2,
+    "learn": 1e-3,
+    "check-bound": 1e-3,
+    "sweep": 1e-3,
+    "traverse": 1e-3,
+    "identify": 1e-3,
+}
 
 
 RESULTS = {  # stop -> type that its result is read into
@@ -85,12 +86,12 @@ def test_every_snapshot_is_of_a_command():
 def test_a_command_finds_the_numbers_that_it_found(tour, name, kept_numbers):
     """No truth of its own: a change of the mathematics is seen here, its own tests have the truth.
 
-    To a nanometre, or a thousandth of what is larger.
+    To a nanometre, or the tolerance of what is larger.
     """
     numbers = dict(numbers_in(tour(name).stored()))
     del numbers["version"]
     assert len(numbers) > 5
-    kept_numbers("results", name, numbers, rel=1e-3, abs=1e-9)
+    kept_numbers("results", name, numbers, rel=NUMBERS[name], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", stops(RESULTS))

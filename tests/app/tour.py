@@ -110,12 +110,14 @@ class Tour:
 def masked(text: str) -> str:
     """Printed words without their numbers and without the layout of tables.
 
-    A number becomes #, columns are one space apart, a rule is one character.
+    A number becomes #, columns are one space apart, a rule is one character, and the compilers are
+    those of any computer.
     """
     text = re.sub(r"\x1b\[[\d;]*m", "", text)
     text = re.sub(r"(?<![\w.])[-+−]?\d[\d,_]*(\.\d+)?(e[-+]?\d+)?", "#", text)
     text = re.sub(r"([─━═╌╶╴]+ *)+", "─", text)
+    text = re.sub(r"; (gcc, clang|gcc|clang)$", "; compilers", text, flags=re.MULTILINE)
     lines = [re.sub(r"\s+", " ", line).strip() for line in text.splitlines()]
-    # neither progress nor the compilers of this computer
+    # neither progress nor a line for each compiler
     lines = [line for line in lines if "#:#:#" not in line and not line.startswith("Checked: ")]
     return re.sub(r"\n{2,}", "\n\n", "\n".join(lines)).strip() + "\n"

@@ -90,9 +90,12 @@ def test_loops_under_limits_are_those_of_the_host(seed, two_axes):
     plant = Encoders(Disturbed(two_axes, load))
     wanted = reported_loop(plant, behind, reference, fallback="soft")
     actual = run(plant, controller, reference)
-    # in a step of seed 1 rounding decides which of two answers within the residual the path ends
-    # at: with its numbers changed by 1e-15, 40 % of the answers are 3e-5 off (20 % in XLA)
-    same(actual, wanted.rollout, 1e-4 if seed == 1 else 1e-6)
+    # in a step of seed 1 no plan holds the speed. The residual of 1e-6 is then one of the prices,
+    # and rounding decides how far the path goes: of 400 loads that differ by 1e-13, 15 % of the
+    # runs are 9.3e-4 off
+    gives_way = bool(wanted.report.fallback.any())
+    assert gives_way == (seed == 1)
+    same(actual, wanted.rollout, 2e-3 if gives_way else 1e-6)
     assert wanted.report.active_fraction > 0
     assert int(actual.final_memory.inner.failed) == 0
 
