@@ -1,6 +1,7 @@
 """The contract of a controller: a plan made from the future, a memory and a step."""
 
 import abc
+import warnings
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
@@ -122,6 +123,13 @@ def whole_preview(preview: float | int) -> int:
             f"preview: needs a whole number of samples, at least one, received {preview}"
         )
     return int(preview)
+
+
+def warn_of_short_preview(preview: int, delay: int) -> None:
+    """Warn where a control acts on the position, `delay` samples on, past all that was seen."""
+    if preview < delay:
+        words = f"preview: {preview} samples are shorter than the plant's delay of {delay}"
+        warnings.warn(f"{words}: a control acts past all that was seen", stacklevel=3)
 
 
 def check_preview(controller: Sampled, reference: Reference) -> None:

@@ -109,16 +109,6 @@ def _sizes(name: str, value: Any, count: int) -> np.ndarray:
 def disturbed_loop(plant: Plant, controller: Controller, reference: Reference) -> DisturbedLoop:
     """Matrices of the loop that `simulate` runs, limits of the control left out.
 
-    >>> from jcontour import contours, feed_laws, references
-    >>> from jcontour.controllers import ContouringLQ, LQWeights
-    >>> from jcontour.plants import bridgeport
-    >>> machine, path = bridgeport(), contours.circle(1e-3)
-    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 2e-9), preview=5)
-    >>> arc = feed_laws.constant_feed(path, 50e-3, machine.dt)
-    >>> reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
-    >>> disturbed_loop(machine, controller, reference).E.shape
-    (252, 8, 10)
-
     Raises:
         NotAffine: plant or controller is not linear in state, memory and measurement.
         UnstableLoop: the loop of some sample, held for ever, is not stable.

@@ -70,13 +70,7 @@ def cornered(
     the contour: each of its joints has the tolerance, or a seventh of it, or a seventh of that, and
     so on, down to 2 um.
 
-    Args:
-        contour: one contour, not a stack.
-        feed: greatest speed on every piece [m/s].
-        limits: of the axes.
-        tolerance: greatest distance from the contour [m]; 0 stops in every corner.
-        rest: see `quickest`.
-        alike: see `smooth_path`.
+    Its arguments are those of `quickest`.
 
     Raises:
         ValueError: as `quickest`.

@@ -322,9 +322,9 @@ class _LateControl(Remembering):
         ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
 
-    samples: eqx.AbstractVar[Any]
-    depth: eqx.AbstractVar[int]
-    inputs: eqx.AbstractVar[int]
+    samples: Int[Array, ""] | Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    depth: int = eqx.field(static=True)
+    inputs: int = eqx.field(static=True)
 
     def __check_init__(self):
         if self.depth < 1:
@@ -366,14 +366,7 @@ class Delayed(_LateControl):
     >>> plant_state, line = late.step(rest, jnp.array([10.0, 0.0]))
     >>> plant_state.tolist() == rest[0].tolist(), line.tolist()
     (True, [[10.0, 0.0], [0.0, 0.0]])
-
-    Raises:
-        ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
-
-    samples: Int[Array, ""] = eqx.field(converter=jnp.asarray)
-    depth: int = eqx.field(static=True)
-    inputs: int = eqx.field(static=True)
 
     def acting(self, line, control) -> Float[Array, " p"]:
         """u(k - samples)."""
@@ -391,14 +384,7 @@ class PartlyDelayed(_LateControl):
     >>> rest = late.initial_state(jnp.zeros(2), jnp.zeros(2))
     >>> late.acting(rest[1], jnp.array([1.0, 0.0])).tolist()
     [0.75, 0.0]
-
-    Raises:
-        ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
-
-    samples: Float[Array, ""] = eqx.field(converter=jnp.asarray)
-    depth: int = eqx.field(static=True)
-    inputs: int = eqx.field(static=True)
 
     def acting(self, line, control) -> Float[Array, " p"]:
         """The mean of the two that act within the sample."""

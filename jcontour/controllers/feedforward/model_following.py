@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import polynomial
 
+from jcontour.controller import warn_of_short_preview
 from jcontour.controllers.feedforward.l1 import L1Optimum, l1_optimum
 from jcontour.controllers.feedforward.model_matching import HinfOptimum, ModelMatching, Polynomial
 from jcontour.linear.transfer_functions import TransferFunction, polynomial_from_zeros, sorted_zeros
@@ -121,6 +122,7 @@ def optimal_feedforward(
     Raises:
         ValueError: the plant has a zero on the unit circle.
     """
+    warn_of_short_preview(following.preview, plant.delay)
     zeros = sorted_zeros(plant)
     if zeros.on_circle.size:
         raise ValueError(

@@ -27,7 +27,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jcontour import _kernels as kernels
 from jcontour._arrays import floating, is_concrete
-from jcontour.controller import Controller, check_preview, whole_preview
+from jcontour.controller import Controller, check_preview, warn_of_short_preview, whole_preview
 from jcontour.linear.plant import (
     AffinePlan,
     LinearPlant,
@@ -109,6 +109,9 @@ class Terminal(eqx.Module):
         """Samples before the end whose controls the terminal decides: its cost is that there."""
         return 0
 
+    def check(self, model: LinearPlant, preview: int) -> None:  # noqa: B027
+        """Warn of a horizon that this terminal is no good for."""
+
     @abc.abstractmethod
     def cost(
         self,
@@ -134,6 +137,18 @@ class OutputTerminal(Terminal):
 
     H = C' Q_Np C,   g = -C' Q_Np y_d(k + N_p)
     """
+
+    def check(self, model: LinearPlant, preview: int) -> None:
+        """Warn where no control acts on an axis within the horizon: its gains are then zero."""
+        if not is_concrete(model.A, model.B, model.C):
+            return
+        A, acts, C = np.asarray(model.A), np.asarray(model.B), np.asarray(model.C)
+        moved = np.zeros(model.axes, bool)
+        for delay in range(1, model.states + 1):
+            moved |= np.any(C @ acts, axis=1)
+            if moved.all():
+                return warn_of_short_preview(preview, delay)
+            acts = A @ acts
 
     def cost(self, model, weights, Q, position, ends) -> CostToGo:
         """McNab & Tsao, eqs. 12 and 13, with the minus of the terminal g restored."""
@@ -206,6 +221,7 @@ class ContouringLQ(ModelFeedback):
         # the output terminal is the paper's better performing choice
         self.terminal = OutputTerminal() if terminal is None else terminal
         check_stage(weights, self.preview)
+        self.terminal.check(model, self.preview)
         settled = self.terminal.settled(model)
         if settled and (self.preview <= settled or weights.stage is not None):
             raise ValueError(

@@ -128,6 +128,7 @@ class BlockwiseLQ(ModelFeedback):
         self.model, self.preview = model, whole_preview(preview)
         self.weights = jax.tree.map(lambda weight: jnp.asarray(weight, model.A.dtype), weights)
         self.terminal = OutputTerminal() if terminal is None else terminal
+        self.terminal.check(model, self.preview)
         control_weight(model, weights)
 
     def gain_schedule(self, reference: Reference) -> AffinePlan:

@@ -127,6 +127,7 @@ class ConstrainedLQ(Controller):
         self.model, self.weights, self.preview = model, weights, whole_preview(preview)
         self.terminal = OutputTerminal() if terminal is None else terminal
         check_stage(weights, self.preview)
+        self.terminal.check(model, self.preview)
         self.rows = limit_rows(model, full_limits(limits, model), self.preview)
 
     def without_planned_limits(self) -> "ConstrainedLQ":

@@ -1,5 +1,7 @@
 """Model following against Table 1 of Alter & Tsao and the controllers of an explicit loop."""
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.polynomial import polynomial
@@ -96,6 +98,16 @@ def test_without_unstable_zeros_it_is_the_plain_inverse():
         from_polynomials([0.0, 1.0, 0.5], [1.0, -0.9], DT), ModelFollowing(preview=1)
     )
     assert inverse.optimum.cost == 0
+
+
+def test_a_preview_shorter_than_the_delay_is_warned_of():
+    plant = from_polynomials([0.0, 0.0, 0.4, 1.0], [1.0, -0.9], DT)
+    with pytest.warns(UserWarning, match="1 samples are shorter than the plant's delay of 2"):
+        late = optimal_feedforward(plant, ModelFollowing(preview=1))
+    top, below = late.optimum.numerator, late.optimum.denominator
+    assert top[1] / below[0] == 1  # the error is the whole reference, at the sample it is seen
+    with warnings.catch_warnings(action="error"):
+        optimal_feedforward(plant, ModelFollowing(preview=2))
 
 
 def test_bad_input():

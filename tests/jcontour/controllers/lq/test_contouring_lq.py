@@ -1,3 +1,4 @@
+import warnings
 from dataclasses import replace
 
 import equinox as eqx
@@ -17,6 +18,7 @@ from jcontour.controllers.lq.contouring_lq import (
     balanced,
     contour_weight,
 )
+from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import along, from_samples
@@ -240,6 +242,21 @@ def test_the_control_is_that_of_the_problem_with_its_end_given():
         np.testing.assert_allclose(powers[-1] @ x + G[-1] @ U, end, rtol=0, atol=1e-9)
         actual = np.asarray(plan.f[k]) - np.asarray(plan.F[k]) @ x
         np.testing.assert_allclose(actual, U[:2], rtol=1e-8, atol=1e-8 * np.abs(U).max())
+
+
+def test_a_horizon_in_which_no_control_acts_is_warned_of():
+    """The least cost is then that of no control: all gains are zero."""
+    weights, machine = LQWeights(1.0, 1.0, 1e-6), plant(2)
+    for law in (ContouringLQ, BlockwiseLQ):
+        with pytest.warns(UserWarning, match="3 samples are shorter than the plant's delay of 4"):
+            law(machine, weights, 3)
+    with pytest.warns(UserWarning, match="a control acts past all that was seen"):
+        idle = ContouringLQ(machine, weights, 3).gain_schedule(reference_of(1, 2, 4))
+    assert not np.any(idle.F)
+    assert not np.any(idle.f)
+    with warnings.catch_warnings(action="error"):
+        assert np.any(ContouringLQ(machine, weights, 4).gain_schedule(reference_of(1, 2, 4)).F)
+        ContouringLQ(machine, weights, 3, RiccatiTerminal())  # its cost goes on past the horizon
 
 
 def test_short_horizons_and_states_out_of_reach_are_refused():
