@@ -34,26 +34,6 @@ class Gap(NamedTuple):
     failure: str  # why, in one line; empty when it went through
     run: HostRun  # the constrained run, or the part of it before it stopped
 
-    @property
-    def active_fraction(self) -> float:
-        """Fraction of the steps in which a limit was active anywhere in the plan."""
-        return self.run.report.active_fraction
-
-    @property
-    def acting_fraction(self) -> float:
-        """Fraction of the steps whose own control was kept by a limit."""
-        return self.run.report.acting_fraction
-
-    @property
-    def residual(self) -> float:
-        """The worst scaled residual of any QP."""
-        return self.run.report.worst_residual
-
-    @property
-    def fallbacks(self) -> int:
-        """Number of steps that the fallback made."""
-        return self.run.report.fallbacks
-
 
 def verify(
     tuned: Controller,

@@ -27,5 +27,5 @@ assert gap.within is not None  # None where a QP had no answer
 print(
     f"Half the change of control costs accuracy: the RMS contour error goes from "
     f"{1e6 * gap.without.rms_contour_error:.2f} to {1e6 * gap.within.rms_contour_error:.2f} um. "
-    f"The limit acts in {100 * gap.acting_fraction:.0f} % of the samples."
+    f"The limit acts in {100 * gap.run.report.acting_fraction:.0f} % of the samples."
 )

@@ -40,7 +40,6 @@ WIDEST = 0.02  # 1 - |p| of a pair of poles p, over its angle, at most
 OFFSETS = np.array([-10, -3, -1, -0.3, 0.3, 1, 3, 10])  # from the angle of a pair, in 1 - |p|
 SPREAD = 0.05  # of a bracket, about the vertex of its parabola: it shrinks to a tenth each time
 REFINEMENTS = 4  # of the bracket of the highest peak
-MEASURES = 4  # peak of S, peak of T, spectral radius, peak of W T
 
 
 class Brackets(NamedTuple):

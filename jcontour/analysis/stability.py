@@ -61,13 +61,6 @@ class Margins(NamedTuple):
 def frozen_spectral_radius(plant: Plant, controller: Controller, direction: ArrayLike) -> float:
     """Spectral radius of the loop along a straight line: Theorem 1's check.
 
-    >>> from jcontour.controllers import ContouringLQ, LQWeights
-    >>> from jcontour.plants import bridgeport
-    >>> machine = bridgeport()
-    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=50)
-    >>> frozen_spectral_radius(machine, controller, [1.0, 1.0]) < 1
-    True
-
     Args:
         plant: the machine, behind `Encoders` for a controller that is fed positions.
         controller: its gains on the line must not depend on the speed.

@@ -41,8 +41,8 @@ def gaps():
 def test_without_an_active_limit_there_is_no_gap(gaps):
     for gap in gaps(Limits.within(control=1e3, increment=1e3)):
         assert (
-            gap.active_fraction == 0
-            and gap.residual <= 1e-8
+            gap.run.report.active_fraction == 0
+            and gap.run.report.worst_residual <= 1e-8
             and gap.stopped is None
             and gap.failure == ""
         )
@@ -60,8 +60,9 @@ def test_limits_show_in_the_table(gaps):
     limited = gaps(Limits.within(control=0.7 * peak))
     assert [gap.plant for gap in limited] == [gap.plant for gap in unlimited]
     for gap in limited:
-        assert 0 < gap.acting_fraction <= gap.active_fraction <= 1
-        assert gap.residual <= 1e-8 and gap.fallbacks == 0
+        report = gap.run.report
+        assert 0 < report.acting_fraction <= report.active_fraction <= 1
+        assert report.worst_residual <= 1e-8 and report.fallbacks == 0
         assert gap.within.rms_tracking_error > gap.without.rms_tracking_error
         largest = np.abs(gap.run.rollout.control).max()
         assert largest <= 0.7 * gap.without.peak_control * (1 + 1e-9)
@@ -108,4 +109,4 @@ def test_a_step_without_an_answer_is_named_or_falls_back(gaps):
     assert gap.failure.startswith(f"step {gap.stopped}: daqp did not solve the QP")
     assert gap.run.rollout.control is None or len(gap.run.rollout.control) == gap.stopped
     gap = gaps(limits, "soft")[0]
-    assert gap.within is not None and gap.fallbacks > 0
+    assert gap.within is not None and gap.run.report.fallbacks > 0

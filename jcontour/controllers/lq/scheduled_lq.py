@@ -94,16 +94,6 @@ class ScheduledLQ(PlannedFeedback):
 class BlockwiseLQ(ModelFeedback):
     """Controller u = f - F x; every step sees at least `preview` samples of the path.
 
-    >>> import numpy as np
-    >>> from jcontour.geometry.contours import circle
-    >>> from jcontour.motion.references import along
-    >>> from jcontour.plants.linear_machines import bridgeport
-    >>> table = bridgeport()
-    >>> controller = BlockwiseLQ(table, LQWeights(alpha=1e8, beta=1e9, rho=1e-2), preview=40)
-    >>> path = along(circle(0.01), 2.5e-5 * np.arange(60), table.dt, preview=40, at_rest=False)
-    >>> controller.prepare(path).F.shape
-    (60, 2, 8)
-
     Args:
         model: model of the machine; the measurement is its state.
         weights: alpha, beta and rho.

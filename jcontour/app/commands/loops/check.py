@@ -106,7 +106,11 @@ class GapRow:
     @classmethod
     def of(cls, gap: Gap) -> "GapRow":
         """Numbers of a gap that are stored."""
-        values: dict[str, Any] = {one.name: getattr(gap, one.name) for one in fields(cls)}
+        of_run = {"residual": gap.run.report.worst_residual}
+        for name in ("active_fraction", "acting_fraction", "fallbacks"):
+            of_run[name] = getattr(gap.run.report, name)
+        known = gap._asdict() | of_run
+        values: dict[str, Any] = {one.name: known[one.name] for one in fields(cls)}
         for name in ("without", "within"):
             if values[name] is not None:
                 values[name] = RunMetrics.of(values[name], lambda value: value.item())
