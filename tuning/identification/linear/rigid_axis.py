@@ -40,6 +40,7 @@ SETTLED = 1e-4  # relative change of the parameters
 BLOCKS = 20  # of the record, whose sums are taken for independent
 STILL = 0.1  # part of a kernel at rest: friction is then any force
 TELLS = 1.02  # ratio of what two delays leave that tells them apart
+TELLS_SIGN = 0.5  # of the variance of a command, left by a mass with friction that tells its sign
 MOVES = 1e-4  # of the response, to which long moves show it
 SLOWEST = 0.05  # longest time constant of a lag, of the record
 LAGS, FINER = 7, 7  # time constants of a grid; grids, each a third as wide on a scale of ratios
@@ -228,6 +229,18 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     fit = with_slopes(dragged, whole.model(record.dt), drag)
     stribeck = _stribeck(record, signs, whole)
     return Simple(dragged, fit, output, explained, whole.estimate(record.dt), stribeck)
+
+
+def is_reversed(record: AxisRecord, resolution: float) -> bool:
+    """Whether mass, drag and friction that explain a command are all negative."""
+    rates = _kernel(max(round(KERNELS[-1] / record.dt), FEWEST), record.dt)
+    if 2 * len(rates[0]) > len(record.position):
+        return False
+    signs = validation.speed_signs(record.position, resolution)
+    A = _regressors(record.position, -signs, rates)
+    force = fftconvolve(record.command, rates[0], "valid")
+    values, *_ = np.linalg.lstsq(A, force, rcond=None)
+    return bool((values[:3] < 0).all() and np.var(force - A @ values) < TELLS_SIGN * np.var(force))
 
 
 def _stribeck(

@@ -46,13 +46,17 @@ def test_what_the_record_hides_is_said_with_advice(found):
         assert not replace(one, response=shown).unseen
 
 
-@pytest.mark.slow
-def test_a_command_that_moves_backwards_is_told(record):
-    first = replace(
-        record, axes=("X",), command=-record.command[:, :1], position=record.position[:, :1]
-    )
-    notes = identify_machine(first, 1, 3).notes
-    assert any("X: a positive command moves it backwards" in note for note in notes)
+def test_a_reversed_command_is_refused(record):
+    """Beside friction it would give a model that friction drives."""
+    for friction in (0.0, 0.1):
+        position = record.position[:, :1]
+        speed = np.gradient(position, axis=0)
+        drag = friction * record.command.std() * np.sign(speed)
+        first = replace(
+            record, axes=("X",), command=-(record.command[:, :1] + drag), position=position
+        )
+        with pytest.raises(ValueError, match="X: the position falls where the command rises"):
+            identify_machine(first, 1, 3)
 
 
 @pytest.mark.slow
