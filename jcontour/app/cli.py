@@ -163,6 +163,8 @@ def _answered(arguments: list[str]) -> int:
         return run(flags)
     except KeyboardInterrupt as interruption:
         how = str(interruption)
+        if not hasattr(flags, "resume"):
+            import_module("jcontour.app.files.run_folder").remove_unfinished()
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # who reads has seen enough, as `head`; nothing more can be printed

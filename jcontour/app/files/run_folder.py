@@ -23,6 +23,9 @@ SETTINGS, RESULT = "settings.json", "result.json"
 MOST_BYTES = 512 * 2**20  # of such a file
 
 
+_made: list[Path] = []  # by this process
+
+
 class RunError(ValueError):
     """A run folder that cannot be used as asked; one line."""
 
@@ -103,7 +106,15 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         shutil.rmtree(made, ignore_errors=True)
         check_free(folder)
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
+    _made.append(folder)
     return folder
+
+
+def remove_unfinished() -> None:
+    """Remove what this process made and that holds no result: its name is free again."""
+    for folder in _made:
+        if not (folder / RESULT).exists():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def versions() -> dict[str, str]:

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from jcontour.app.cli import main
+from jcontour.app.commands.machines import audit
 from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.reports.causes import audit_answer
@@ -119,3 +120,16 @@ def test_bad_columns_are_told_in_one_line(tmp_path, capsys, columns, said):
     assert main(["audit", str(log), "--out", str(tmp_path / "out")]) == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1 and said in told
+
+
+def test_an_interrupted_audit_leaves_its_name_free(audited, monkeypatch):
+    """No folder with settings alone, which a second run would refuse."""
+    _, log, out = audited
+
+    def interrupted(*_):
+        assert (out / "settings.json").exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(audit, "write_result", interrupted)
+    assert main(["audit", str(log), "--out", str(out)]) == 130
+    assert not out.exists()
