@@ -55,7 +55,8 @@ NOISE = 0.3  # of a count
 REST = 4.0  # [s] behind a contour: in its second half nothing may move on
 RINGS = 3.0  # counts, peak to peak half, at the end of it
 KNOCK = 1e-5  # [m] from which a linear loop has to come back
-GROWN = 1.001  # of what is left a tenth of the run before: more grows
+GROWN = 1.001  # of the motion a tenth of the run before: more grows
+STILL = 1e-9  # [m] of motion that rounding may leave
 SAFE, RMS, PEAK = 3.0, 1.15, 1.3  # asked of USE: Ms, and errors over the printed worst
 
 
@@ -334,11 +335,12 @@ def _on_the_machine(
     still = with_held_end(jobs[0], longest - jobs[0].samples).reference(dt, controller.preview)
     linear = [replace(one.linear, count=0.0) for one in axes]
     calm, knocked = (_followed(linear, controller, still, dt, by) for by in (0.0, KNOCK))
-    left = np.abs(knocked.position - calm.position)
+    left = knocked.position - calm.position
     tenth = len(left) // 10
-    before, last = left[-2 * tenth : -tenth].max(axis=0), left[-tenth:].max(axis=0)
-    # held integrals leave a part of it
-    stable = bool(np.all((last < GROWN * before + 1e-9) & (last < KNOCK)))
+    # held integrals leave an offset: what has to end is the motion
+    before, last = np.ptp(left[-2 * tenth : -tenth], axis=0), np.ptp(left[-tenth:], axis=0)
+    inside = np.abs(left[-tenth:]).max(axis=0) < KNOCK
+    stable = bool(np.all((last < GROWN * before + STILL) & inside))
     rms, peak, tool = np.max(ratios, axis=0).tolist()
     return replace(
         way,

@@ -45,7 +45,7 @@ MOVES = 1e-4  # of the response, to which long moves show it
 SLOWEST = 0.05  # longest time constant of a lag, of the record
 LAGS, FINER = 7, 7  # time constants of a grid; grids, each a third as wide on a scale of ratios
 INERT = 10.0  # time constant over the length of a record that shows no viscous friction
-STRIBECK = np.geomspace(1e-3, 32e-3, 11)  # [m/s] at which half of what is more at rest is left
+STRIBECK = np.geomspace(2e-3 * 2**0.5, 32e-3, 8)  # [m/s] at which half of what is more is left
 SEES = 0.04  # [s] half width of the kernel behind which it is looked for
 SURE = 5.0  # deviations of what is found
 
@@ -262,15 +262,17 @@ def _stribeck(
             return None
         values, *_ = np.linalg.lstsq(columns, force, rcond=None)
         left = force - columns @ values
-        found.append((float(np.var(left)), float(v_s), values[-1], columns, left))
+        if values[-1] < one.values[2]:  # at the lowest speeds few samples bound it
+            found.append((float(np.var(left)), float(v_s), values[-1], columns, left))
+    if not found:
+        return None
     _, v_s, more, columns, left = min(found, key=lambda each: each[0])
     blocks = np.array_split(columns * left[:, None], BLOCKS)
     sums = np.stack([block.sum(axis=0) for block in blocks])
     inverse = np.linalg.pinv(columns.T @ columns)
     deviation = np.sqrt((inverse @ (sums.T @ sums) @ inverse.T)[-1, -1])
     inside = STRIBECK[0] < v_s < STRIBECK[-1]  # else it is a part of the friction, or of the drag
-    sure = SURE * deviation < more < one.values[2]
-    return (float(more), v_s) if inside and sure else None
+    return (float(more), v_s) if inside and more > SURE * deviation else None
 
 
 def _slidings(
