@@ -378,12 +378,6 @@ class PartlyDelayed(_LateControl):
 
         u_acts(k) = (1 - f) u(k - n) + f u(k - n - 1),   delay = n + f samples
     It is the mean over the sample of a control that is held and changes f of a sample late.
-
-    >>> from jcontour.plants.linear_machines import bridgeport
-    >>> late = PartlyDelayed(bridgeport(), 0.25, depth=1, inputs=2)
-    >>> rest = late.initial_state(jnp.zeros(2), jnp.zeros(2))
-    >>> late.acting(rest[1], jnp.array([1.0, 0.0])).tolist()
-    [0.75, 0.0]
     """
 
     def acting(self, line, control) -> Float[Array, " p"]:

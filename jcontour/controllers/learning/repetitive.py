@@ -275,13 +275,6 @@ class RunoutCancelled(ErrorDriven):
 
     The wrapped controller has as many controls as the sensors have axes.
 
-    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-    >>> from jcontour.sensors import motors
-    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
-    >>> cancelled = RunoutCancelled(cascade, motors(1), Canceller(0.1, phase=-0.2, gain=5.0))
-    >>> cancelled.preview
-    1
-
     Args:
         controller: the wrapped controller.
         sensors: where the positions stand in the measurement.

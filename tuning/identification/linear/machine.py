@@ -79,7 +79,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
                     )
             raise ValueError(f"{name}: {_why(one, simple, False)}")
     lines = excited if len(excited.frequency) or simple is None else nonparametric.measured(simple)
-    found = None
+    found, agreed = None, np.inf
     if simple is not None and (
         len(lines.frequency) < LINES or _enough(simple, lines, len(excited.frequency) > 0)
     ):
@@ -90,6 +90,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         if found is None and simple is not None:
             found, excited = simple, nonparametric.NO_LINES
             if simple.fit.model.integrators:  # a loop around it bends them
+                agreed = nonparametric.agreed_to(lines, simple.fit.model)
                 lines = nonparametric.NO_LINES
     given = one.command, one.position
     away = validation.fastest_growth(*given) > diagnosis.RUNS_AWAY
@@ -111,9 +112,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         response = nonparametric.response_of_lines(lines, fit.model)
     else:
         own = validation.response_of(fit, estimate)
-        response = validation.as_excited(
-            own, validation.excited_to(own, one.position, fit.residual)
-        )
+        excited_to = validation.excited_to(own, one.position, fit.residual)
+        response = validation.as_excited(own, min(agreed, excited_to))
     return IdentifiedAxis(
         name=name,
         fit=fit,

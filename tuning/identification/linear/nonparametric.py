@@ -28,6 +28,7 @@ from tuning.identification.linear.validation import (
     HIDDEN,
     HIGHEST,
     POINTS,
+    SHOWN,
     Response,
     noise_of,
 )
@@ -109,6 +110,13 @@ def response_of_lines(lines: Response, model: AxisModel) -> Response:
         around = slice(min(first[k], above[k] - 1), max(last[k], above[k] + 1))
         width[k] = own[around].max()
     return Response(places, model.response(2 * np.pi * places), width)
+
+
+def agreed_to(lines: Response, model: AxisModel) -> float:
+    """Frequency [Hz] below which no line is off the model by more than its interval and `SHOWN`."""
+    off = np.abs(model.response(2 * np.pi * lines.frequency) / lines.value - 1)
+    missed = lines.frequency[off > lines.half_width + SHOWN]
+    return float(missed.min(initial=np.inf))
 
 
 def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:

@@ -59,6 +59,18 @@ def test_a_reversed_command_is_refused(record):
             identify_machine(first, 1, 3)
 
 
+def test_lines_that_are_dropped_still_bound_what_is_known(record, monkeypatch):
+    """A model of a mass is not known where the lines that it misses are."""
+    first = replace(
+        record, axes=("X",), command=record.command[:, :1], position=record.position[:, :1]
+    )
+    monkeypatch.setattr(machine, "_enough", lambda *_: False)
+    monkeypatch.setattr(machine, "_fitted", lambda *_: None)
+    monkeypatch.setattr(machine.nonparametric, "agreed_to", lambda *_: 20.0)
+    (axis,) = identify_machine(first, 1, 3).axes
+    assert 10.0 < axis.response.band[1] <= 20.0
+
+
 @pytest.mark.slow
 def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     """Something turns every second and moves the axis about half as fast as its command does."""

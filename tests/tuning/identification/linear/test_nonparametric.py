@@ -8,6 +8,7 @@ from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_reson
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.nonparametric import (
+    agreed_to,
     averaged,
     measured,
     periodic_lines,
@@ -209,3 +210,15 @@ def test_columns_that_have_nothing_in_common():
     one, other = np.random.default_rng(3).standard_normal((2, ROWS))
     assert not related(AxisRecord(DT, one, np.cumsum(other)))
     assert related(AxisRecord(DT, one, np.cumsum(one + 3 * other)))
+
+
+def test_a_mass_is_known_below_the_mode_that_it_lacks():
+    """Two masses by a motor's encoder over one: (1 - (f / f_a)^2) / (1 - (f / f_r)^2)."""
+    hertz = np.arange(4.5, 200.0)
+    model = AxisModel(np.array([-0.9]), np.array([1e-3]), 1, 0, DT)
+    ratio = (1 - (hertz / 44.9) ** 2) / (1 - (hertz / 55.0) ** 2)
+    value = model.response(2 * np.pi * hertz) * ratio
+    lines = Response(hertz, value, np.full(len(hertz), 0.01))
+    first = hertz[np.abs(1 / ratio - 1) > 0.11][0]
+    assert agreed_to(lines, model) == first and 15 < first < 30
+    assert agreed_to(Response(hertz, value / ratio, lines.half_width), model) == np.inf
