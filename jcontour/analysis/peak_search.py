@@ -92,7 +92,7 @@ def loop_measures(
         peak, slope = uncertainty_measure(loop, closed, responses, points, uncertainty)
         uncertain = np.where(stable, peak, np.inf), slope.only(stable)
         # of the first plants the peak of S around what was measured, if larger
-        for lines, part in ((uncertainty.lines, 1.0), (uncertainty.uncoupled, NEARER)):
+        for lines, part in ((uncertainty.lines, 1.0), (uncertainty.other_amplitudes, NEARER)):
             if any(one.frequency.size for one in lines):
                 highest, its_slope = measures[0]
                 peak, slope = measured_sensitivity(loop, closed, responses, lines)

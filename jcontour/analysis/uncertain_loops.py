@@ -28,7 +28,7 @@ from jcontour.analysis.frozen_loops import (
 GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] searched in any case
 DEVIATIONS = 1.96  # in half an interval of 95 %
 BORNE = 0.5  # largest W T_u accepted: a margin of two on the uncertainty
-NEARER = 0.5  # of its sensitivity, by which a loop without its whole coupling is judged
+NEARER = 0.5  # of its sensitivity, by which a loop at other amplitudes is judged
 
 
 class Lines(NamedTuple):
@@ -48,9 +48,9 @@ class ResponseUncertainty(NamedTuple):
     relative: Float[np.ndarray, "F p"]
     # what was measured of the nominal plant behind each control; empty where nothing was
     lines: tuple[Lines, ...] = ()
-    # its responses with less and less of a coupling, likewise; a loop has to be stable with them,
-    # and may be nearer to instability than with the whole of it
-    uncoupled: tuple[Lines, ...] = ()
+    # its responses at other amplitudes, likewise: less and less of a coupling, a load that dry
+    # friction damps; a loop has to be stable with them, and may be nearer to instability
+    other_amplitudes: tuple[Lines, ...] = ()
 
     def at(self, frequency: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any p"]:
         """W on its diagonal."""

@@ -90,9 +90,9 @@ class UncertaintyFields(Schema):
     """how far off the frequency response may be"""
     measured: LinesFields | None = None
     """the response that was measured, beside the model's"""
-    uncoupled: LinesFields | None = None
+    other_amplitudes: LinesFields | None = None
     """likewise with less and less of the stiffness between a measured motor and its load, as in
-    backlash; delete it where there is none"""
+    backlash, and with dry friction that damps the load"""
 
 
 class LinearMachineFile(Schema):

@@ -192,7 +192,7 @@ def _lines(name: str, given: LinesFields | None, plant: LinearPlant) -> tuple[Li
 
 def _response(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertainty | None:
     """What a file says of the response; a frequency in rad per sample."""
-    given, names = fields.response, ("measured", "uncoupled")
+    given, names = fields.response, ("measured", "other_amplitudes")
     lines = [_lines(name, getattr(fields, name), plant) for name in names]
     if given is None:
         nothing = np.ones(1), np.zeros((1, plant.axes))

@@ -9,7 +9,7 @@ from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.uncertainty import moved, places_around
 from tuning.identification.linear import validation
-from tuning.identification.linear.axis_model import AxisModel, two_masses, uncoupled
+from tuning.identification.linear.axis_model import AxisModel, other_amplitudes, two_masses
 from tuning.identification.linear.identified_axes import IdentifiedAxis, IdentifiedMachine
 
 ROUGH = 4  # windows over which the largest acceleration is taken
@@ -48,7 +48,7 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
     apart = [
-        uncoupled(one.fit.model, 2 * np.pi * one.lines.frequency.max(initial=0.0))
+        other_amplitudes(one.fit.model, 2 * np.pi * one.lines.frequency.max(initial=0.0))
         for one in identified.axes
     ]
     loose = [_lines(w / (2 * np.pi), off, 0.0 * w) for w, off in apart]
@@ -68,7 +68,7 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
             "delay": identified.late,
             "response": {"hertz": kept.tolist(), "relative": rows},
             "measured": _columns([_measured(one) for one in identified.axes]),
-            **({"uncoupled": _columns(loose)} if any(len(w) for w, _ in apart) else {}),
+            **({"other_amplitudes": _columns(loose)} if any(len(w) for w, _ in apart) else {}),
         },
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),

@@ -35,9 +35,9 @@ def test_what_was_measured_is_behind_each_control():
 
 
 def test_responses_of_a_softer_coupling_stand_beside_what_was_measured():
-    fields = {**FIELDS, "uncertainty": {"uncoupled": measured([7.0, 9.0], [])}}
+    fields = {**FIELDS, "uncertainty": {"other_amplitudes": measured([7.0, 9.0], [])}}
     machine = machine_from(json.dumps(fields).encode())
-    first, second = machine.response_uncertainty.uncoupled
+    first, second = machine.response_uncertainty.other_amplitudes
     assert first.frequency == pytest.approx(2 * np.pi * FIELDS["dt"] * np.array([7.0, 9.0]))
     assert machine.measured == () and not second.frequency.size
 

@@ -152,23 +152,30 @@ def _rates(roots: np.ndarray, dt: float) -> np.ndarray:
 
 
 STIFFNESS = np.linspace(0.0, 0.9, 10) ** 2  # shares of it that a gap leaves: modes 10 % apart
-SPAN, PLACES = 4.0, 16  # times both frequencies of a coupling, as far as it matters; and how many
+DAMPING = np.geomspace(0.125, 4.0, 11)  # of a load that dry friction holds, c / (m w_a)
+# times both frequencies of a coupling, as far as it matters; and how many, where a peak is broad
+SPAN, PLACES, BROAD = 4.0, 16, 32
 FOUND = 0.3  # relative distance of a root from where it was looked for
 BESIDE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])  # half widths of a peak
 
 
-def uncoupled(
+def other_amplitudes(
     model: AxisModel, highest: float
 ) -> tuple[Float[np.ndarray, " F"], Complex[np.ndarray, " F"]]:
-    """How far the response is off where backlash leaves less of the stiffness of a coupling.
+    """How far the response is off at other amplitudes: through a gap, or with a load held.
 
     An oscillation that crosses a gap meets a share N of the stiffness behind it, between 0 and 1
-    (describing function of a dead zone; Slotine & Li, Applied Nonlinear Control, section 5.3): a
-    loop that is stable with every share does not keep it up. A motor that is measured has
+    (describing function of a dead zone; Slotine & Li, Applied Nonlinear Control, section 5.3), and
+    dry friction F of the load damps it by c = 4 F / (pi w a) at the amplitude a: the less, the more
+    it moves. A loop that is stable with every N and every c does not keep an oscillation up. A
+    motor that is measured has
 
         1 / T = 1 + d s + Z(s),    Z ~ s^k (s^2 + 2 z_r w_r s + w_r^2) / (s^2 + 2 z_a w_a s + w_a^2)
     with T its speed over that at rest, k = 1 and d = 0, or its position under a drive's loops,
-    k = 2. Both frequencies go with sqrt(N), which makes Z / R of Z.
+    k = 2. Both frequencies go with sqrt(N), which makes Z / R of Z. With the load damped
+
+        Z ~ s^(k - 1) (r s + q (s + g) / (s^2 + g s + q)),    q = 2 z_a w_a s + w_a^2
+    instead, g the damping over the load's mass, which is 1 / r = (w_r / w_a)^2 - 1 of the motor's.
 
     Args:
         model: from the command to the position.
@@ -202,19 +209,33 @@ def uncoupled(
     zero, pole = zeros[0], newton(masses, poles[0], full_output=True, disp=False)[0]
     if not (abs(pole - poles[0]) < FOUND * abs(poles[0]) and abs(pole) < highest):
         return np.zeros(0), np.zeros(0, complex)
-    frequencies, errors = [], []
+    ends = abs(zero) / SPAN, abs(pole) * SPAN
+    frequencies, ratios = [], []  # Z over what it is instead
     for share in STIFFNESS:
         around = [np.sqrt(share) * (abs(one) + BESIDE * one.real) for one in (zero, pole)]
-        w = [np.geomspace(abs(zero) / SPAN, abs(pole) * SPAN, PLACES), *(around if share else [])]
+        w = [np.geomspace(*ends, PLACES), *(around if share else [])]
         w = np.unique(np.concatenate(w))
         w = w[(w > 0) & (w * model.dt < np.pi)]
-        s = 1j * w
-        ratio = _pair(s, pole) / _pair(s, zero)
-        ratio *= _pair(s, np.sqrt(share) * zero) / _pair(s, np.sqrt(share) * pole)
-        left = masses(s)
+        softer = (_pair(1j * w, np.sqrt(share) * one) for one in (zero, pole))
         frequencies.append(w)
-        errors.append((held + d * s + left) / (held + d * s + left / ratio) - 1)
-    return np.concatenate(frequencies), np.concatenate(errors)
+        ratios.append(_pair(1j * w, pole) / _pair(1j * w, zero) * next(softer) / next(softer))
+    w = np.geomspace(*ends, BROAD)
+    w = w[w * model.dt < np.pi]
+    for damping in DAMPING * abs(zero):
+        frequencies.append(w)
+        ratios.append(_damped(1j * w, zero, pole, 0.0) / _damped(1j * w, zero, pole, damping))
+    w = np.concatenate(frequencies)
+    rest, left = held + 1j * d * w, masses(1j * w)
+    return w, (rest + left) / (rest + left / np.concatenate(ratios)) - 1
+
+
+def _damped(
+    s: Complex[np.ndarray, " F"], zero: complex, pole: complex, damping: float
+) -> Complex[np.ndarray, " F"]:
+    """r s + q (s + g) / (s^2 + g s + q) of a motor and its load."""
+    joint = abs(zero) ** 2 - 2 * zero.real * s
+    motor = 1 / (abs(pole / zero) ** 2 - 1)
+    return motor * s + joint * (s + damping) / (s**2 + damping * s + joint)
 
 
 def _pair(s: Complex[np.ndarray, " F"], root: complex) -> Complex[np.ndarray, " F"]:

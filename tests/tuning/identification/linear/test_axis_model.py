@@ -3,7 +3,13 @@ import pytest
 from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
 
 from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_resonance
-from tuning.identification.linear.axis_model import STIFFNESS, AxisModel, two_masses, uncoupled
+from tuning.identification.linear.axis_model import (
+    DAMPING,
+    STIFFNESS,
+    AxisModel,
+    other_amplitudes,
+    two_masses,
+)
 
 DT = 1e-3
 MODEL = AxisModel(np.array([-1.5, 0.6]), np.array([2e-4, 1e-4, 3e-5]), 1, 3, DT)
@@ -104,7 +110,7 @@ def test_masses_and_spring_of_a_known_axis(motor, load, stiffness):
 MOTOR, LOAD, HERTZ = 60.0, 30.0, 55.0  # [kg], [kg], [Hz] of the resonance
 
 
-def coupled(share, drive, at_the_load=False):
+def coupled(share, drive, at_the_load=False, damper=0.0):
     """Motor and load on a share of the spring; a drive is its gains of position and speed."""
     reduced, w = MOTOR * LOAD / (MOTOR + LOAD), 2 * np.pi * HERTZ
     k, c, viscous = share * reduced * w**2, 2 * 0.03 * np.sqrt(share) * reduced * w, 150.0
@@ -113,7 +119,7 @@ def coupled(share, drive, at_the_load=False):
             [0.0, 1.0, 0.0, 0.0],
             [-k / MOTOR, -(c + viscous) / MOTOR, k / MOTOR, c / MOTOR],
             [0.0, 0.0, 0.0, 1.0],
-            [k / LOAD, c / LOAD, -k / LOAD, -c / LOAD],
+            [k / LOAD, c / LOAD, -k / LOAD, -(c + damper) / LOAD],
         ]
     )
     B = np.array([[0.0], [35.0 / MOTOR], [0.0], [0.0]])
@@ -134,24 +140,28 @@ def transfer(plant, drive):
 
 
 @pytest.mark.parametrize("drive", [None, (43.0, 440.0)])
-def test_a_coupling_in_its_gap_is_that_of_a_softer_spring(drive):
-    w, off = uncoupled(transfer(coupled(1.0, drive), drive), np.pi / DT)
+def test_a_coupling_in_its_gap_is_softer_and_a_load_with_friction_damped(drive):
+    w, off = other_amplitudes(transfer(coupled(1.0, drive), drive), np.pi / DT)
     ends = [0, *np.flatnonzero(np.diff(w) < 0) + 1, len(w)]
-    assert len(ends) == len(STIFFNESS) + 1 and np.abs(off).max() > 5
+    k = (2 * np.pi * HERTZ) ** 2 * MOTOR * LOAD / (MOTOR + LOAD)
+    others = [(share, 0.0) for share in STIFFNESS]
+    others += [(1.0, one * np.sqrt(k * LOAD)) for one in DAMPING]
+    assert len(ends) == len(others) + 1 and np.abs(off).max() > 5
 
-    def response(share, w):
-        A, B, C = coupled(share, drive)
+    def response(share, damper, w):
+        A, B, C = coupled(share, drive, damper=damper)
         z = np.exp(1j * w * DT)
         return np.array([(C @ np.linalg.solve(one * np.eye(4) - A, B)).item() for one in z])
 
-    for share, first, last in zip(STIFFNESS, ends[:-1], ends[1:], strict=True):
+    for other, first, last in zip(others, ends[:-1], ends[1:], strict=True):
         part = w[first:last]
-        ratio = response(share, part) / response(1.0, part)
-        np.testing.assert_allclose(1 + off[first:last], ratio, rtol=0.01, atol=0.01)
+        ratio = response(*other, part) / response(1.0, 0.0, part)
+        near = 0.01 if other[1] == 0 else 0.03
+        np.testing.assert_allclose(1 + off[first:last], ratio, rtol=near, atol=near)
 
 
 @pytest.mark.parametrize("drive", [None, (43.0, 440.0)])
 def test_an_encoder_at_the_load_sees_no_gap_in_front_of_it(drive):
     for at_the_load, highest in ((True, np.pi / DT), (False, 2 * np.pi * 0.9 * HERTZ)):
         axis = transfer(coupled(1.0, drive, at_the_load), drive)
-        assert all(part.size == 0 for part in uncoupled(axis, highest))
+        assert all(part.size == 0 for part in other_amplitudes(axis, highest))
