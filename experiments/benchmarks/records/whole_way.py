@@ -339,8 +339,7 @@ def _on_the_machine(
     tenth = len(left) // 10
     # held integrals leave an offset: what has to end is the motion
     before, last = np.ptp(left[-2 * tenth : -tenth], axis=0), np.ptp(left[-tenth:], axis=0)
-    inside = np.abs(left[-tenth:]).max(axis=0) < KNOCK
-    stable = bool(np.all((last < GROWN * before + STILL) & inside))
+    stable = bool(np.all((last < GROWN * before + STILL) & (np.abs(left[-tenth:]) < KNOCK)))
     rms, peak, tool = np.max(ratios, axis=0).tolist()
     return replace(
         way,

@@ -201,9 +201,8 @@ def other_amplitudes(
     zeros = _rates(np.roots(model.numerator), model.dt)
     rigid = np.convolve(above, [held + d / model.dt, -d / model.dt])
     poles = _rates(np.roots(np.append(below, 0.0) - rigid), model.dt)
-    poles = poles[
-        np.abs(poles) > np.abs(zeros).min(initial=np.inf) / SPAN
-    ]  # the double one at rest
+    # without the double one at rest
+    poles = poles[np.abs(poles) > np.abs(zeros).min(initial=np.inf) / SPAN]
     if not (poles.size and abs(zeros[0]) < abs(poles[0])):
         return np.zeros(0), np.zeros(0, complex)
     zero, pole = zeros[0], newton(masses, poles[0], full_output=True, disp=False)[0]
@@ -213,8 +212,7 @@ def other_amplitudes(
     frequencies, ratios = [], []  # Z over what it is instead
     for share in STIFFNESS:
         around = [np.sqrt(share) * (abs(one) + BESIDE * one.real) for one in (zero, pole)]
-        w = [np.geomspace(*ends, PLACES), *(around if share else [])]
-        w = np.unique(np.concatenate(w))
+        w = np.unique(np.concatenate([np.geomspace(*ends, PLACES), *around]))
         w = w[(w > 0) & (w * model.dt < np.pi)]
         softer = (_pair(1j * w, np.sqrt(share) * one) for one in (zero, pole))
         frequencies.append(w)
@@ -229,13 +227,10 @@ def other_amplitudes(
     return w, (rest + left) / (rest + left / np.concatenate(ratios)) - 1
 
 
-def _damped(
-    s: Complex[np.ndarray, " F"], zero: complex, pole: complex, damping: float
-) -> Complex[np.ndarray, " F"]:
+def _damped(s: np.ndarray, zero: complex, pole: complex, g: float) -> np.ndarray:
     """r s + q (s + g) / (s^2 + g s + q) of a motor and its load."""
-    joint = abs(zero) ** 2 - 2 * zero.real * s
-    motor = 1 / (abs(pole / zero) ** 2 - 1)
-    return motor * s + joint * (s + damping) / (s**2 + damping * s + joint)
+    q = abs(zero) ** 2 - 2 * zero.real * s
+    return s / (abs(pole / zero) ** 2 - 1) + q * (s + g) / (s**2 + g * s + q)
 
 
 def _pair(s: Complex[np.ndarray, " F"], root: complex) -> Complex[np.ndarray, " F"]:
