@@ -126,9 +126,9 @@ class Backlash(Remembering):
 
 
 SLOWEST = 2e-4  # [m/s] within which friction turns, at least
-SAMPLES = 4.0  # times what it changes the speed in a sample
 INTEGRATOR = 3e-5  # distance of its pole from one: printed matrices are rounded
-STIFFNESSES = np.geomspace(0.1, 1e3, 81)  # over the inverse gain of a drive
+SLOPES = np.geomspace(0.1, 1e3, 81)  # of a force, over the inverse gain of what it acts on
+LOST = 1e-6  # of a spectral radius, above what rounding makes of two poles at one
 RESPONSE = 20  # samples of which the quickest counts
 
 
@@ -137,9 +137,9 @@ class WithDryFriction(Wrapper):
 
         x(k+1) = A x + B u - E f,     f = F(v) tanh(v / v_0),     v = C (A - I) x / dt
     F is Coulomb's and Stribeck's part (`friction`), E how a force enters, past a delay of the
-    control; v is the speed of the coming sample. The friction turns within v_0, four times what F
-    changes the speed in a sample, so that the sampled loop of speed and friction is calm; below it
-    the axis creeps where a true one sticks.
+    control; v is the speed of the coming sample. The friction turns within v_0, at half of the
+    slope F / v_0 at which the sampled loop of speed and friction is at the limit of stability: for
+    a mass, what F changes its speed in a sample. Below it the axis creeps where a true one sticks.
 
     A slide of 10 kg that is pushed with less than its friction hardly moves:
 
@@ -215,18 +215,21 @@ class ElastoplasticFriction(Remembering):
         return after, jnp.where(limit > 0, stuck, 0.0)
 
 
-def _holding_stiffness(plant: LinearPlant, entry: Float[np.ndarray, "n m"]) -> np.ndarray:
-    """Half of the stiffness at which a drive is at the limit of stability, by axis."""
-    # under f = s y the loop has the matrix A - s E C; s is looked for over its inverse gain
-    A, C = np.asarray(plant.A), np.asarray(plant.C)
-    stiffness = np.zeros(len(C))
-    for k, (column, row) in enumerate(zip(entry.T, C, strict=True)):
-        gain = np.linalg.norm(row @ np.linalg.pinv(np.eye(len(A)) - A) @ column)
-        series = STIFFNESSES / max(float(gain), 1e-300)
+def _calm_slope(
+    A: Float[np.ndarray, "n n"],
+    entry: Float[np.ndarray, "n m"],
+    rows: Float[np.ndarray, "m n"],
+    gains: Float[np.ndarray, " m"],
+) -> Float[np.ndarray, " m"]:
+    """Half of the slope s of a force f = s r x at which the loop loses stability, by axis."""
+    # the loop has the matrix A - s E r; s is looked for over the inverse gain
+    slope = np.zeros(len(rows))
+    for k, (column, row) in enumerate(zip(entry.T, rows, strict=True)):
+        series = SLOPES / max(float(gains[k]), 1e-300)
         loops = A - series[:, None, None] * np.outer(column, row)
-        lost = np.flatnonzero(spectral_radius(loops) > max(float(spectral_radius(A)), 1.0))
-        stiffness[k] = series[lost[0] if lost.size else -1] / 2
-    return stiffness
+        lost = np.flatnonzero(spectral_radius(loops) > max(float(spectral_radius(A)), 1.0) + LOST)
+        slope[k] = series[lost[0] if lost.size else -1] / 2
+    return slope
 
 
 def with_dry_friction(
@@ -257,7 +260,8 @@ def with_dry_friction(
     more = np.where(integrates, stribeck[0], 0.0)
     sliding = Friction(np.where(integrates, force, 0.0), more, stribeck[1], 0.0)
     held = Friction(np.where(integrates, 0.0, force), 0.0, 1.0, 0.0)
-    stiffness = jnp.asarray(_holding_stiffness(plant, np.asarray(entry)))
+    settled = np.abs(np.diagonal(C @ np.linalg.pinv(np.eye(len(A)) - A) @ entry))
+    stiffness = jnp.asarray(_calm_slope(A, np.asarray(entry), C, settled))
     holding = jnp.asarray(entry), plant.C, stiffness
     if not integrates.any():
         return ElastoplasticFriction(plant, *holding, held)
@@ -267,7 +271,8 @@ def with_dry_friction(
         responses.append(np.diagonal(speed @ state))
         state = A @ state
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
-    turning = np.maximum(SLOWEST, SAMPLES * (np.asarray(force) + more) * quickest)
+    slope = _calm_slope(A, np.asarray(entry), speed, quickest)
+    turning = np.maximum(SLOWEST, (np.asarray(force) + more) / slope)
     parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
     rubbed = WithDryFriction(plant, *parts, sliding)
     return rubbed if integrates.all() else ElastoplasticFriction(rubbed, *holding, held)

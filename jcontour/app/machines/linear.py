@@ -219,12 +219,14 @@ class LinearMachine(GainsAndDelayMachine):
 
     @cached_property
     def mechanics(self) -> Plant:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The model with friction, which the model's delay does not delay."""
+        """The model with friction, which the delays of the model do not delay."""
         if self.friction is None or not self.largest_friction:
             return self.model
-        A, B = np.asarray(self.model.A), np.asarray(self.model.B)
-        # in a model with a delay, the control that acts is the last of those that wait
-        entry = A[:, -self.model.inputs :] if self.known_delay else B
+        A, C = np.asarray(self.model.A), np.asarray(self.model.C)
+        entry = np.array(self.model.B)
+        for k, row in enumerate(C):  # where the control of an axis waits, past the wait
+            for _ in range(len(A)):
+                entry[:, k] = entry[:, k] if row @ entry[:, k] else A @ entry[:, k]
         with jax.ensure_compile_time_eval():  # not in the programs of families: batches of factors
             motion = steady_motion(self.model)  # may wait for each other's threads there
         model = eqx.tree_at(lambda m: m.motion, self.model, motion, is_leaf=lambda m: m is None)
