@@ -215,16 +215,11 @@ class ElastoplasticFriction(Remembering):
         return after, jnp.where(limit > 0, stuck, 0.0)
 
 
-def _calm_slope(
-    A: Float[np.ndarray, "n n"],
-    entry: Float[np.ndarray, "n m"],
-    rows: Float[np.ndarray, "m n"],
-    gains: Float[np.ndarray, " m"],
-) -> Float[np.ndarray, " m"]:
+def _calm_slope(A: np.ndarray, E: np.ndarray, rows: np.ndarray, gains: np.ndarray) -> np.ndarray:
     """Half of the slope s of a force f = s r x at which the loop loses stability, by axis."""
     # the loop has the matrix A - s E r; s is looked for over the inverse gain
     slope = np.zeros(len(rows))
-    for k, (column, row) in enumerate(zip(entry.T, rows, strict=True)):
+    for k, (column, row) in enumerate(zip(E.T, rows, strict=True)):
         series = SLOPES / max(float(gains[k]), 1e-300)
         loops = A - series[:, None, None] * np.outer(column, row)
         lost = np.flatnonzero(spectral_radius(loops) > max(float(spectral_radius(A)), 1.0) + LOST)
@@ -266,10 +261,8 @@ def with_dry_friction(
     if not integrates.any():
         return ElastoplasticFriction(plant, *holding, held)
     speed = (C @ A - C) / plant.dt
-    responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
-    for _ in range(RESPONSE):
-        responses.append(np.diagonal(speed @ state))
-        state = A @ state
+    powers = [np.linalg.matrix_power(A, k) @ entry for k in range(RESPONSE)]
+    responses = [np.zeros(plant.axes), *(np.diagonal(speed @ one) for one in powers)]
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
     slope = _calm_slope(A, np.asarray(entry), speed, quickest)
     turning = np.maximum(SLOWEST, (np.asarray(force) + more) / slope)

@@ -24,16 +24,8 @@ from tests.app.tour import LONG, STOPS, masked
 NO_SCREEN = ("list", "machine", "new-machine", "excite")
 # results that follow from the input without a search of weights -> relative tolerance. Those of
 # conjugate gradients that are cut off differ by 2e-3 between processors
-NUMBERS = {
-    "simulate": 1e-3,
-    "front-feed": 1e-3,
-    "precompensate": 1e-2,
-    "learn": 1e-3,
-    "check-bound": 1e-3,
-    "sweep": 1e-3,
-    "traverse": 1e-3,
-    "identify": 1e-3,
-}
+EXACT = "simulate", "front-feed", "learn", "check-bound", "sweep", "traverse", "identify"
+NUMBERS = {"precompensate": 1e-2, **dict.fromkeys(EXACT, 1e-3)}
 
 
 RESULTS = {  # stop -> type that its result is read into

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.catalogue.choices import machine_named
@@ -78,6 +79,17 @@ def test_friction_stops_every_plant_of_the_family_and_no_linear_one(known_delay)
     assert np.all((0.95 / 1.1 < shares) & (shares < 1.05 / 0.9)), shares
     for plant in (rough.exact_family()[-1], rough.nominal(), rough.frictionless.true_family()[1]):
         np.testing.assert_allclose(coasted(plant, start), 500 * start, rtol=1e-9)
+
+
+def test_friction_is_not_late_where_the_control_of_one_axis_waits():
+    rough, start = slides(0, friction=0.2), np.array([4e-5, -4e-5])
+    mass = LinearPlant([[1.0, 1e-3], [0.0, 1.0]], [[5e-7], [1e-3]], [[1.0, 0.0]], 1e-3)
+    late = with_input_delay(mass, 2)
+    first = [[1.0, 1e-3], [0.0, 1.0]], [[1e-6], [2e-3]], [[1.0, 0.0]]
+    joined = LinearPlant(*map(block_diag, first, (late.A, late.B, late.C)), 1e-3)
+    waits = replace(linear_machine(joined, "one waits"), friction=0.2)
+    ways = [coasted(one.mechanics, start) for one in (rough, waits)]
+    np.testing.assert_allclose(ways[0], ways[1], rtol=1e-9)
 
 
 def coasted(plant, increment):

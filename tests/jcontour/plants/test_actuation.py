@@ -201,6 +201,11 @@ def slides(axes: int = 1) -> LinearPlant:
     return LinearPlant(A, B, np.kron(np.eye(axes), [[1.0, 0.0]]), DT)
 
 
+# [m/s per control unit] half of the slope 2 / (GAIN DT) at which a mass is no longer stable, or one
+# step of the search more
+TURNS = pytest.approx(GAIN * DT, rel=0.11)
+
+
 def rubbed(axes: int = 1):
     plant = slides(axes)
     return with_dry_friction(plant, np.asarray(plant.B), np.full(axes, FORCE))
@@ -223,8 +228,8 @@ def test_it_comes_to_rest_after_the_way_of_a_constant_deceleration():
 @pytest.mark.parametrize("push", [-0.9, 0.5])
 def test_less_than_the_friction_hardly_moves_it(push):
     state, _ = pushed(rubbed(), 0.0, push * FORCE)
-    creeping = max(SLOWEST, 4 * FORCE * GAIN * DT) * np.arctanh(abs(push))
-    assert abs(float(state[1])) == pytest.approx(creeping, rel=1e-3)
+    creeping = abs(float(state[1])) / np.arctanh(abs(push))
+    assert creeping > SLOWEST and creeping / FORCE == TURNS
 
 
 def test_more_than_the_friction_accelerates_it_by_the_rest():
@@ -238,8 +243,8 @@ def test_what_it_is_more_at_rest_falls_to_half_at_its_speed():
     stribeck = with_dry_friction(plant, np.asarray(plant.B), np.full(1, FORCE), (more, v_s))
     balance = FORCE + more / 2
     state, _ = pushed(stribeck, 0.0, balance)
-    creeping = max(SLOWEST, 4 * (FORCE + more) * GAIN * DT) * np.arctanh(balance / (FORCE + more))
-    assert abs(float(state[1])) == pytest.approx(creeping, rel=0.05)
+    creeping = abs(float(state[1])) / np.arctanh(balance / (FORCE + more))
+    assert creeping / (FORCE + more) == TURNS
     state, _ = pushed(stribeck, 2 * v_s, balance)
     assert float(state[1]) > 2 * v_s + 0.5 * GAIN * more / 2
     begun = stribeck.initial_state(jnp.zeros(1), jnp.full(1, v_s * DT))
@@ -306,9 +311,9 @@ def test_errors_on_a_circle_are_those_of_sticking_and_slipping():
     ours, theirs = np.asarray(run.output) - target, exact - target
     settled = slice(reference.steps // 8, None)
     peak = np.abs(theirs[settled]).max()
-    assert np.abs(ours[settled] - theirs[settled]).max() < 0.25 * peak
+    assert np.abs(ours[settled] - theirs[settled]).max() < 0.12 * peak
     sizes = [np.sqrt(np.mean(error[settled] ** 2)) for error in (ours, theirs)]
-    assert sizes[0] == pytest.approx(sizes[1], rel=0.1)
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.04)
     free = np.asarray(simulate(Encoders(slides(2)), Feedback(), reference).output) - target
     assert np.abs(free[settled]).max() < 0.5 * peak
 
