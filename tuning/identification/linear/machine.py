@@ -65,7 +65,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
     """
     name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
     resolution = validation.resolution_of(one.position)
-    if rigid_axis.is_reversed(one, resolution):
+    if not diagnosis.follows(one.command, one.position) and rigid_axis.is_reversed(one, resolution):
         raise ValueError(f"{name}: {diagnosis.REVERSED}")
     simple = rigid_axis.simplest(one, resolution, most_delay)
     excited = nonparametric.periodic_lines(one)
