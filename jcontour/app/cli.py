@@ -164,7 +164,7 @@ def _answered(arguments: list[str]) -> int:
     except KeyboardInterrupt as interruption:
         how = str(interruption)
         if not hasattr(flags, "resume"):
-            import_module("jcontour.app.files.run_folder").remove_unfinished()
+            import_module("jcontour.app.files.run_folder").remove_unfinished(flags)
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # who reads has seen enough, as `head`; nothing more can be printed

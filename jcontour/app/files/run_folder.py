@@ -23,7 +23,7 @@ SETTINGS, RESULT = "settings.json", "result.json"
 MOST_BYTES = 512 * 2**20  # of such a file
 
 
-_made: list[Path] = []  # by this process
+_made: list[tuple[object, Path]] = []  # by this process, behind the flags of the command
 
 
 class RunError(ValueError):
@@ -106,14 +106,14 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         shutil.rmtree(made, ignore_errors=True)
         check_free(folder)
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
-    _made.append(folder)
+    _made.append((flags, folder))
     return folder
 
 
-def remove_unfinished() -> None:
-    """Remove what this process made and that holds no result: its name is free again."""
-    for folder in _made:
-        if not (folder / RESULT).exists():
+def remove_unfinished(flags: object) -> None:
+    """Remove what a command of these flags made and left without a result: its name is free."""
+    for its, folder in _made:
+        if its is flags and not (folder / RESULT).exists():
             shutil.rmtree(folder, ignore_errors=True)
 
 
