@@ -210,6 +210,8 @@ def _trace(path: Path, content: bytes) -> Table:
         keys = dict(zip(kept["id"], kept["key"], strict=True))
         words = dict(zip(named["key"], named["name"], strict=True))
         heads = {one: str(words.get(keys.get(one), one)).lower() for one in frame}
+        if len(set(heads.values())) < len(heads):
+            raise ValueError("two of its signals have the same name")
     except (ValueError, KeyError, SyntaxError) as error:
         raise ValueError(f"{path}: not a readable trace of a SINUMERIK ({line(error)})") from None
     numbers = {heads[one]: _numbers(frame[one].to_numpy()) for one in frame}

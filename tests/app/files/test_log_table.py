@@ -114,9 +114,10 @@ def test_a_servo_trace_of_a_sinumerik(tmp_path):
     table = read_table(path)
     assert table["time_s"].tolist() == [0, 0.004] and table["measpos x"].tolist() == [1.5, -2.5]
     assert table["cmdpos x"][0] == 2 and np.isnan(table["cmdpos x"][1])
-    path.write_text(TRACE[:-60])
-    with pytest.raises(ValueError, match="not a readable trace of a SINUMERIK"):
-        read_table(path)
+    for text in (TRACE[:-60], TRACE.replace("cmdPos", "measPos")):  # cut off; two of one name
+        path.write_text(text)
+        with pytest.raises(ValueError, match="not a readable trace of a SINUMERIK"):
+            read_table(path)
 
 
 def test_structs_in_an_array_as_signals_of_simulink(tmp_path):
