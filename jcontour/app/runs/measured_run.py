@@ -59,10 +59,10 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
     if len(log.command) > MOST:
         raise ValueError(f"{name}: has {len(log.command)} samples, more than {MOST}: take a part")
     moves = np.append(np.linalg.norm(np.diff(log.command, axis=0), axis=1) > 0, False)
-    if moves.sum() < FEWEST:
+    if moves.sum() < FEWEST or np.ptp(log.command, axis=0).max() <= STILL:
         raise ValueError(
-            f"{name}: the commands do not move, in {FEWEST} samples at least; are they the right "
-            "columns?"
+            f"{name}: the commands do not move, in {FEWEST} samples at least, by more than "
+            f"{1e6 * STILL:g} um; are they the right columns, in the right unit?"
         )
     if part is not None and len(axes) == 1:
         raise ValueError("part: one axis follows its command and no path; leave --part out")

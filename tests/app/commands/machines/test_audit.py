@@ -100,6 +100,7 @@ def test_what_is_no_run_of_the_part_is_refused_in_a_line(audited, tmp_path, caps
     ("columns", "said"),
     [
         ("t,x,y,x,0*y", "the position of Y stands still"),
+        ("t,4e-4*x,4e-4*y,4e-4*x,4e-4*y", "the commands do not move, in"),
         ("t,x,y,y,x", "the command of X is followed by the position of Y"),
         ("t,x,y,x,t**2", "the position of Y does not follow its command"),
         ("t,x,y,1000*x,y", "the position of X goes 1e+03 times as far"),
