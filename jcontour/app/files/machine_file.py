@@ -63,10 +63,7 @@ class ResponseFields(Schema):
 
 
 class LinesFields(Schema):
-    """G_true / G - 1 at some frequencies.
-
-    A tuned loop keeps the limit on its peak sensitivity there as well.
-    """
+    """G_true / G - 1 at some frequencies."""
 
     hertz: Rows
     """frequencies [Hz], one list per axis, as in the other fields"""
@@ -89,10 +86,10 @@ class UncertaintyFields(Schema):
     response: ResponseFields | None = None
     """how far off the frequency response may be"""
     measured: LinesFields | None = None
-    """the response that was measured, beside the model's"""
+    """the response that was measured; a loop keeps the limit on its peak sensitivity with it"""
     other_amplitudes: LinesFields | None = None
-    """likewise with less and less of the stiffness between a measured motor and its load, as in
-    backlash, and with dry friction that damps the load"""
+    """with less and less of the stiffness between a measured motor and its load, as in backlash,
+    and with dry friction that damps the load; a loop keeps twice that limit"""
 
 
 class LinearMachineFile(Schema):
