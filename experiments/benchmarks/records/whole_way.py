@@ -56,7 +56,6 @@ REST = 4.0  # [s] behind a contour: in its second half nothing may move on
 RINGS = 3.0  # counts, peak to peak half, at the end of it
 KNOCK = 1e-5  # [m] from which a linear loop has to come back
 GROWN = 1.001  # of the motion a tenth of the run before: more grows
-STILL = 1e-9  # [m] of motion that rounding may leave
 SAFE, RMS, PEAK = 3.0, 1.15, 1.3  # asked of USE: Ms, and errors over the printed worst
 
 
@@ -339,7 +338,7 @@ def _on_the_machine(
     tenth = len(left) // 10
     # held integrals leave an offset: what has to end is the motion
     before, last = np.ptp(left[-2 * tenth : -tenth], axis=0), np.ptp(left[-tenth:], axis=0)
-    stable = bool(np.all((last < GROWN * before + STILL) & (np.abs(left[-tenth:]) < KNOCK)))
+    stable = bool(np.all((last < GROWN * before + 1e-9) & (np.abs(left[-tenth:]) < KNOCK)))
     rms, peak, tool = np.max(ratios, axis=0).tolist()
     return replace(
         way,

@@ -94,7 +94,7 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             more_plants = robust_trial(chosen.run, chosen.tuned, process)
             baseline = baseline_trial(run, first, loops)
         if (name := chosen.run.design.name) != run.design.name:
-            tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
+            tables.say(console, f"Recommended: {name}, no usable one is better by more than 10 %.")
         run, tuned = chosen.run, chosen.tuned
         with drawn_beside(figures(run, trials, folder)):
             # Write the runs of the trials, and the gains
