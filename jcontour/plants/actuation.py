@@ -364,6 +364,9 @@ class Delayed(_LateControl):
     >>> plant_state, line = late.step(rest, jnp.array([10.0, 0.0]))
     >>> plant_state.tolist() == rest[0].tolist(), line.tolist()
     (True, [[10.0, 0.0], [0.0, 0.0]])
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
 
     def acting(self, line, control) -> Float[Array, " p"]:
@@ -376,6 +379,9 @@ class PartlyDelayed(_LateControl):
 
         u_acts(k) = (1 - f) u(k - n) + f u(k - n - 1),   delay = n + f samples
     It is the mean over the sample of a control that is held and changes f of a sample late.
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
 
     def acting(self, line, control) -> Float[Array, " p"]:
