@@ -21,8 +21,6 @@ from jcontour.app.files.checks import json_value
 
 SETTINGS, RESULT = "settings.json", "result.json"
 MOST_BYTES = 512 * 2**20  # of such a file
-
-
 _made: list[tuple[object, Path]] = []  # by this process, behind the flags of the command
 
 

@@ -18,11 +18,6 @@ STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
 FOLLOWS = 0.999  # part of a position that a gain explains: the axis follows its command
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
-REVERSED = (
-    "the position falls where the command rises: the sign of the command or of the encoder is "
-    "reversed; change that of one of the two columns"
-)
-
 
 def follows(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
     """Why a record shows no dynamics where a gain alone explains its position; empty elsewhere."""

@@ -66,7 +66,10 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
     name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
     resolution = validation.resolution_of(one.position)
     if not diagnosis.follows(one.command, one.position) and rigid_axis.is_reversed(one, resolution):
-        raise ValueError(f"{name}: {diagnosis.REVERSED}")
+        raise ValueError(
+            f"{name}: the position falls where the command rises: the sign of the command or of "
+            "the encoder is reversed; change that of one of the two columns"
+        )
     simple = rigid_axis.simplest(one, resolution, most_delay)
     excited = nonparametric.periodic_lines(one)
     if len(excited.frequency) < LINES:
