@@ -4,10 +4,11 @@ As CSV: random-phase multisines, periodic in `PERIOD`, on a slow move that keeps
 backlash on one side, for two realisations at two levels; each section runs one period for the
 transient and `KEPT` more. From these the best linear approximation and its total variance follow
 (Pintelon & Schoukens, System Identification, 2nd ed., section 4.3). No two axes share a frequency:
-coupling is then distinct from an axis's own answer. All lines have the same speed up to where the
-acceleration asks for less. Then strokes to and fro, as a part has them, for dry friction and
+coupling is then distinct from an axis's own answer. All lines have the same speed up to a corner,
+and the same acceleration above it. Then moves at steady speeds, each half of the one before, for
+friction that depends on the speed, and strokes to and fro, as a part has them, for dry friction and
 backlash. As G-code: moves to and fro that get shorter, each axis by itself and then all together.
-The speed stays within half of its limit, positions within a fifth of the travel either side of the
+The speed stays within half of its limit, positions within a third of the travel either side of the
 start; the acceleration of the CSV within half of its limit, that of the G-code is the control's.
 """
 
@@ -34,17 +35,20 @@ from jcontour.app.files.schema import (
 )
 
 SHARE = 0.5  # of the limits
-PART = 0.2  # of the travel, either side of the start
+PART = 0.35  # of the travel, either side of the start
 PERIOD = 2.0  # [s] of the multisines
 KEPT = 4  # periods of a section beside that of its transient
 LEVELS = (1.0, 0.7)  # of the multisines
 REALISATIONS = 2
 DRAWN = 50  # phases of which those with the lowest peak are taken
+CORNERS = 30  # between the lowest line and the highest
 APART = 0.02  # of its frequency: between a line and the next at least
 ONE_SIDED = 0.8  # of the slow move: speed of a multisine at most
 HIGHEST, OF_RATE = 150.0, 0.2  # [Hz], or of the sampling rate: highest line
-EASE = 0.5  # [s] in which the slow move turns
-FASTER = 4.0  # times its speed: on the way to where it begins
+EASE = 0.5  # [s] in which the slow move turns, at least
+TURNS = 0.5  # of the acceleration: at most for that
+FASTER = 4.0  # times its speed: on the way to where it begins, if that is allowed
+CREEPS, LEG = 6, 1.5  # slow speeds, each half of the one before; [s] of a move to or fro
 STROKES = (1.0, 0.5, 0.2)  # of the travel that is used
 SEED = 1  # of the phases
 DIGITS = 12  # of a position [m]: sums of a move there and back leave less
@@ -119,42 +123,75 @@ def program(limits: Excited) -> Float[np.ndarray, "T axes"]:
 def _sections(
     limits: Excited, axis: int, most: tuple[float, float, float]
 ) -> Float[np.ndarray, " T"]:
-    """Multisines of an axis on its slow move, which goes from one end to the other and back."""
-    rows, count = round(PERIOD / limits.dt), len(limits.axes)
+    """Multisines of an axis on its slow move, from one end to the other and back; then creeping."""
+    rows = round(PERIOD / limits.dt)
     time = limits.dt * np.arange((1 + KEPT) * rows)
     length = (1 + KEPT) * PERIOD
-    slow = min(2 * most[0] / length, most[1] / 2)
-    w = 2 * np.pi * _lines(limits)[axis::count] / PERIOD
+    slow = min(2 * most[0] / length, most[1] / 2, TURNS * most[2] * PERIOD / 4 / (1 + FASTER))
+    faster = min(FASTER * slow, most[1])
+    ease = max(EASE, 2 * (slow + faster) / (TURNS * most[2]))  # a bell is twice its mean
+    w = 2 * np.pi * _lines(limits)[axis] / PERIOD
     random = np.random.default_rng([SEED, axis])
     phases = random.uniform(0, 2 * np.pi, (DRAWN, len(w)))
-    waves = np.sin(np.outer(time[:rows], w) + phases[:, None]) @ (1 / w)
-    allowed = []  # each periodic signal as large as speed and acceleration allow
-    for one in waves:
-        around = np.concatenate([one, one[:2]])
-        fastest, hardest = (np.abs(np.diff(around, k)).max() / limits.dt**k for k in (1, 2))
-        allowed.append(one / max(fastest / (ONE_SIDED * slow), hardest / most[2]))
+    allowed = _allowed(time[:rows], w, phases, (ONE_SIDED * slow, most[2]))
     realisations = sorted(allowed, key=lambda one: -float(np.var(one)))[:REALISATIONS]
     shaken = [level * np.tile(one, 1 + KEPT) for level in LEVELS for one in realisations]
     speeds = [way * np.full(len(time), slow) for way in np.resize([1.0, -1.0], len(shaken))]
-    there = FASTER * np.full(round(len(time) / 2 / FASTER), slow)  # to one end, and from it back
+    # to one end, and from it back
+    there = np.full(round(len(time) * slow / 2 / faster), faster)
     back = there * (-1) ** len(shaken)
-    window = np.hanning(round(EASE / limits.dt) + 2)[1:-1]
-    speed = np.convolve(np.concatenate([-there, *speeds, back]), window / window.sum())
-    part = np.clip(time / EASE, 0.0, 1.0)
+    slower = np.minimum(most[1] * 0.5 ** np.arange(1, CREEPS + 1), most[0] / LEG)
+    creeps = np.repeat(np.outer(slower, [1.0, -1.0]).ravel(), round(LEG / limits.dt))
+    window = np.hanning(round(ease / limits.dt) + 2)[1:-1]
+    speed = np.convolve(np.concatenate([-there, *speeds, back, creeps]), window / window.sum())
+    part = np.clip(time / ease, 0.0, 1.0)
     grown = part**3 * (10 - 15 * part + 6 * part**2)  # without a jump of the acceleration
     before = [np.zeros(len(time)), *shaken]
     turned = [one + grown * (two - one) for one, two in pairwise(before)]
     turned[-1] = turned[-1] * grown[::-1]
     waves = np.concatenate(turned)
-    return limits.dt * np.cumsum(speed) + np.pad(waves, (len(there), len(back) + len(window) - 1))
+    waves = np.pad(waves, (len(there), len(speed) - len(there) - len(waves)))
+    used, shaking = np.abs(np.diff(speed)) / limits.dt, np.abs(np.diff(waves, 2)) / limits.dt**2
+    room = (most[2] - used[1:]) / np.maximum(shaking, 1e-9 * most[2])  # beside the turns
+    return limits.dt * np.cumsum(speed) + min(float(room.min()), 1.0) * waves
 
 
-def _lines(limits: Excited) -> Int[np.ndarray, " L"]:
-    """Periods of all axes' lines in that of the multisine: each, or `APART` for every axis."""
+def _allowed(
+    time: Float[np.ndarray, " N"],
+    w: Float[np.ndarray, " L"],
+    phases: Float[np.ndarray, "D L"],
+    most: tuple[float, float],
+) -> Float[np.ndarray, "D N"]:
+    """Multisines of as much speed and acceleration as is allowed.
+
+    All lines have one speed up to a corner and one acceleration above it; it is where both limits
+    are reached.
+    """
+    angles = np.outer(time, w) + phases[:, None]
+    sines, dt = np.sin(angles), time[1] - time[0]
+    found = []
+    for corner in np.geomspace(w[0], w[-1], CORNERS):
+        waves = sines @ (1 / (w * np.hypot(1, w / corner)))
+        around = np.concatenate([waves, waves[:, :2]], axis=1)
+        fastest, hardest = (np.abs(np.diff(around, k)).max(axis=1) / dt**k for k in (1, 2))
+        speed, acceleration = fastest / most[0], hardest / most[1]
+        apart = abs(np.log(np.median(speed) / np.median(acceleration)))
+        found.append((apart, waves / np.maximum(speed, acceleration)[:, None]))
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _lines(limits: Excited) -> list[Int[np.ndarray, " L"]]:
+    """Periods of each axis's lines in that of the multisine: each, or `APART` for every axis.
+
+    Neighbouring lines go to the axes in random order: in any other, parts of the period repeat.
+    """
+    count = len(limits.axes)
     lines, highest = [1], min(HIGHEST, OF_RATE / limits.dt) * PERIOD
     while lines[-1] < highest:
-        lines.append(lines[-1] + max(1, round(APART * lines[-1] / len(limits.axes))))
-    return np.array(lines)
+        lines.append(lines[-1] + max(1, round(APART * lines[-1] / count)))
+    groups = np.tile(np.arange(count), (len(lines) // count + 1, 1))
+    owner = np.random.default_rng(SEED).permuted(groups, axis=1).ravel()[: len(lines)]
+    return [np.array(lines)[owner == k] for k in range(count)]
 
 
 def _strokes(dt: float, most: tuple[float, float, float]) -> Float[np.ndarray, " T"]:

@@ -26,10 +26,13 @@ def test_speed_and_acceleration_stay_within_their_share(limits):
     assert not positions[[0, -1]].any()
 
 
+@pytest.mark.parametrize("change", [{}, {"travel": 2000, "speed": 500}, {"acceleration": 500}])
 @pytest.mark.parametrize("axes", [2, 3])
 @pytest.mark.parametrize("dt", [2.5e-4, 0.01, 0.05])
-def test_any_clock_gets_multisines_within_the_limits(dt, axes):
-    limits = read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME})
+def test_any_clock_gets_multisines_within_the_limits(dt, axes, change):
+    limits = read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME} | change)
+    speed = np.diff(program(limits), axis=0) / dt
+    assert (np.abs(speed).max(axis=0) <= 1.01 * SHARE * limits.speed).all()
     bent = np.diff(program(limits), 2, axis=0) / dt**2
     assert (np.abs(bent).max(axis=0) <= 1.01 * SHARE * limits.acceleration).all()
     assert (np.abs(bent).max(axis=0) > 0.3 * SHARE * limits.acceleration).all()
