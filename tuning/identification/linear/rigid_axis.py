@@ -222,13 +222,16 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     left = [1 - _explained(record, one) for one in (whole or best, best)]
     whole = best if whole is None or left[0] > TELLS * left[1] else whole
     output = _moved(rest, best)[0]
+    stribeck = _stribeck(record, validation.speed_signs(record.position, resolution), whole)
+    if stribeck is not None:
+        whole = replace(whole, values=np.where(np.arange(4) == 2, stribeck[0], whole.values))
     explained = part_explained(rest.position, output)
     signs = validation.speed_signs(record.position, resolution)
     dragged = replace(record, drags=(signs, np.ones(len(signs))))
     drag = np.array([whole.values[2], -whole.values[3]])
     fit = with_slopes(dragged, whole.model(record.dt), drag)
-    stribeck = _stribeck(record, signs, whole)
-    return Simple(dragged, fit, output, explained, whole.estimate(record.dt), stribeck)
+    more = None if stribeck is None else stribeck[1:]
+    return Simple(dragged, fit, output, explained, whole.estimate(record.dt), more)
 
 
 def is_reversed(record: AxisRecord, resolution: float) -> bool:
@@ -245,8 +248,8 @@ def is_reversed(record: AxisRecord, resolution: float) -> bool:
 
 def _stribeck(
     record: AxisRecord, signs: Float[np.ndarray, " T"], one: _Sliding
-) -> tuple[float, float] | None:
-    """Friction that is more at rest, and the speed at which half of it is left."""
+) -> tuple[float, float, float] | None:
+    """Friction that slides, what is more at rest, and the speed at which half of that is left."""
     rates = _kernel(max(round(SEES / record.dt), FEWEST), record.dt)
     if 2 * len(rates[0]) > len(signs):
         return None
@@ -263,16 +266,17 @@ def _stribeck(
         values, *_ = np.linalg.lstsq(columns, force, rcond=None)
         left = force - columns @ values
         if values[-1] < one.values[2]:  # at the lowest speeds few samples bound it
-            found.append((float(np.var(left)), float(v_s), values[-1], columns, left))
+            found.append((float(np.var(left)), float(v_s), values, columns, left))
     if not found:
         return None
-    _, v_s, more, columns, left = min(found, key=lambda each: each[0])
+    _, v_s, values, columns, left = min(found, key=lambda each: each[0])
     blocks = np.array_split(columns * left[:, None], BLOCKS)
     sums = np.stack([block.sum(axis=0) for block in blocks])
     inverse = np.linalg.pinv(columns.T @ columns)
     deviation = np.sqrt((inverse @ (sums.T @ sums) @ inverse.T)[-1, -1])
     inside = STRIBECK[0] < v_s < STRIBECK[-1]  # else it is a part of the friction, or of the drag
-    return (float(more), v_s) if inside and more > SURE * deviation else None
+    sure = inside and values[-1] > SURE * deviation
+    return (float(values[2]), float(values[-1]), v_s) if sure else None
 
 
 def _slidings(

@@ -79,10 +79,10 @@ def test_friction_that_is_larger_at_rest_is_found_where_it_is(axis, more):
     log = recorded([one, one], DT, 3)
     record = AxisRecord(DT, log.command[:, 0], log.position[:, 0])
     found = simplest(record, resolution_of(record.position), 4)
-    assert found is not None and found.fit.drag[0] == pytest.approx(60 / 35, rel=0.05)
+    assert found is not None and found.fit.drag[0] == pytest.approx(60 / 35, rel=0.01)
     if not more:
         assert found.stribeck is None
         return
     assert found.stribeck is not None
-    assert found.stribeck[0] == pytest.approx(24 / 35, rel=0.5)
-    assert found.stribeck[1] == pytest.approx(5e-3, rel=0.5)
+    assert found.stribeck[0] == pytest.approx(24 / 35, rel=0.1)
+    assert found.stribeck[1] == pytest.approx(5e-3, rel=0.2)
