@@ -110,7 +110,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         shown = _limit(one, simple) or diagnosis.follows(*given)
         raise ValueError(f"{name}: {shown or why + diagnosis.beside(simple)}")
     if len(excited.frequency):
-        lines = excited = nonparametric.averaged(excited, fit.model)
+        lines = nonparametric.averaged(excited, fit.model)
+        excited = nonparametric.clear_of(lines)
     if len(lines.frequency) >= LINES:
         response = nonparametric.response_of_lines(lines, fit.model)
     else:

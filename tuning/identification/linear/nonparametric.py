@@ -39,6 +39,8 @@ FINE = 1e-3  # [s] of these differences: over less there is mostly noise
 LEVEL = 0.5  # [s] over which its size is taken
 STILL = 1e-6  # of its largest size: what running sums leave of a command that does not bend
 ALIKE = 0.25  # least correlation of a record with itself a period later
+ASKED = 0.1  # of its command: it is asked to, and does not ring
+PARTS, NEARLY = 10, 0.8  # of a time of several periods at most; of the largest correlation
 SAME = 0.9  # of the largest local correlation, within a section
 MARGIN = 0.2  # of a period that is left out at either end of a section
 FEWEST = 2  # periods of a section
@@ -70,8 +72,6 @@ def averaged(lines: Response, model: AxisModel) -> Response:
         r = sum_k w_k G_k / G_m(f_k) / sum_k w_k,    w_k = |G_m(f_k) / G_k|^2 / var G_k
     with the variance max(1, c) / sum_k w_k, c the mean of w_k |G_k / G_m(f_k) - r|^2. Where c tells
     that the lines differ by more than their errors a line stands for itself: a mode hides there.
-    Dropped are those whose interval is then wider than `CLEAR`: at an antiresonance many lines are,
-    each by itself.
     """
     own = lines.value / model.response(2 * np.pi * lines.frequency)
     weight = 1 / np.maximum(np.abs(own) * lines.half_width / FACTOR, 1e-9) ** 2
@@ -85,15 +85,21 @@ def averaged(lines: Response, model: AxisModel) -> Response:
             continue
         value[k] *= mean / own[k]
         half[k] = FACTOR * np.sqrt(max(apart, 1.0) / total) / np.abs(mean)
-    clear = half < CLEAR
-    return Response(lines.frequency[clear], value[clear], half[clear])
+    return Response(lines.frequency, value, half)
+
+
+def clear_of(lines: Response) -> Response:
+    """Lines that say what the response is; others, of an antiresonance, say how much at most."""
+    clear = lines.half_width < CLEAR
+    return Response(lines.frequency[clear], lines.value[clear], lines.half_width[clear])
 
 
 def response_of_lines(lines: Response, model: AxisModel) -> Response:
     """The response of a model with an interval that every line around lies in.
 
     Between lines that are far apart, and above the last one, where more the higher the frequency
-    is, that of a hidden resonance stands.
+    is, that of a hidden resonance stands: of the model, or of a mass as large as the last line is
+    where that is more, as a resonance that a gap softens is found too low.
     """
     hertz, dt = lines.frequency, model.dt
     usual = np.geomspace(hertz[0] / 2, HIGHEST / (2 * dt), POINTS)
@@ -104,12 +110,15 @@ def response_of_lines(lines: Response, model: AxisModel) -> Response:
     last = np.searchsorted(hertz, places * WINDOW, side="right")
     above = np.clip(np.searchsorted(hertz, places), 1, len(hertz) - 1)
     gap = hertz[above] - hertz[above - 1]
-    width = HIDDEN / 2 * np.maximum(places / hertz[-1], 1.0)
+    value = model.response(2 * np.pi * places)
+    mass = np.abs(lines.value[-1]) * (hertz[-1] / places) ** 2 / np.abs(value)
+    above_all = np.where(places > hertz[-1], np.maximum(mass, 1.0) * places / hertz[-1], 1.0)
+    width = HIDDEN / 2 * above_all
     known = (gap < np.maximum(GAP * places, SPACING)) | (places <= hertz[0])
     for k in np.flatnonzero((places <= hertz[-1]) & known):
         around = slice(min(first[k], above[k] - 1), max(last[k], above[k] + 1))
         width[k] = own[around].max()
-    return Response(places, model.response(2 * np.pi * places), width)
+    return Response(places, value, width)
 
 
 def agreed_to(lines: Response, model: AxisModel) -> float:
@@ -131,9 +140,13 @@ def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:
 
 def periodic_lines(record: AxisRecord) -> Response:
     """Lines at which periods of the record show the response; none of a record without periods."""
-    rows = _period(record)
-    sections = [] if rows is None else list(_sections(record, rows))
-    if rows is None or not sections:
+    shapes = list(_shapes(record))
+    sides = [(_alike(shape, record.dt), shape) for shape in shapes]
+    (best, rows), shape = max(sides, key=lambda one: one[0])
+    bent = shapes[0]
+    asked = rows and np.mean(bent[:-rows] * bent[rows:]) > ASKED * np.mean(bent**2)
+    sections = list(_sections(shape, rows)) if asked and best >= ALIKE else []
+    if not sections:
         return NO_LINES
     values, weights, noise, own = [], [], [], []
     for start, count in sections:
@@ -181,34 +194,42 @@ def _excited(record: AxisRecord, rows: int, value, variance, power) -> Response:
     return Response(hertz[kept][sure], value[kept][sure], half[sure])
 
 
-def _period(record: AxisRecord) -> int | None:
-    """Samples after which most of a command comes again; None of one that does not repeat."""
-    signal = _shape(record)
-    count, least = len(signal), round(SHORTEST / record.dt)
+def _alike(shape: Float[np.ndarray, " T"], dt: float) -> tuple[float, int]:
+    """Largest correlation of a signal with itself later, and its period [samples].
+
+    Several periods later it is about as large: the shortest whole part counts at which it is.
+    """
+    count, least = len(shape), round(SHORTEST / dt)
     most = count // (FEWEST + 1)
     if most <= least:
-        return None
-    overlap = fftconvolve(signal, signal[::-1])[count - 1 :]
-    alike = overlap[least:most] / (np.arange(count, count - most, -1)[least:] * np.mean(signal**2))
-    best = float(alike.max())
-    if best < ALIKE:
-        return None
-    return least + int(np.argmax(alike))
+        return 0.0, 0
+    overlap = fftconvolve(shape, shape[::-1])[count - 1 :]
+    alike = overlap[least:most] / (np.arange(count, count - most, -1)[least:] * np.mean(shape**2))
+    found = int(np.argmax(alike))
+    for part in range(PARTS, 1, -1):
+        near = round((least + found) / part) - least + np.arange(-2, 3)
+        near = near[near >= 0]
+        if near.size and alike[near].max() > NEARLY * alike[found]:
+            return float(alike[found]), least + int(near[np.argmax(alike[near])])
+    return float(alike[found]), least + found
 
 
-def _shape(record: AxisRecord) -> Float[np.ndarray, " T"]:
-    """Second difference of the command, smoothed, over its size around."""
-    step = max(round(FINE / record.dt), 1)
-    fine = uniform_filter1d(record.command, step)
-    bent = fine[2 * step :] - 2 * fine[step:-step] + fine[: -2 * step]
-    bent = uniform_filter1d(bent, max(round(SMOOTH / record.dt), 1))
-    size = np.sqrt(np.maximum(uniform_filter1d(bent**2, round(LEVEL / record.dt)), 0.0))
-    return bent / np.maximum(size, STILL * size.max() + 1e-300)
+def _shapes(record: AxisRecord) -> Iterator[Float[np.ndarray, " T"]]:
+    """What may repeat: second differences of the command and of the position, over their sizes.
+
+    Noise of an encoder comes to the command of a loop; over longer steps there is little of it.
+    """
+    level, window = round(LEVEL / record.dt), max(round(SMOOTH / record.dt), 1)
+    for signal, seconds in ((record.command, FINE), (record.position, SMOOTH)):
+        step = max(round(seconds / record.dt), 1)
+        fine = uniform_filter1d(signal, step)
+        bent = uniform_filter1d(fine[2 * step :] - 2 * fine[step:-step] + fine[: -2 * step], window)
+        size = np.sqrt(np.maximum(uniform_filter1d(bent**2, level), 0.0))
+        yield bent / np.maximum(size, STILL * size.max() + 1e-300)
 
 
-def _sections(record: AxisRecord, rows: int) -> Iterator[tuple[int, int]]:
+def _sections(signal: Float[np.ndarray, " T"], rows: int) -> Iterator[tuple[int, int]]:
     """First sample and number of periods of each part that repeats."""
-    signal = _shape(record)
     window = np.ones(rows)
     ahead = fftconvolve(signal[:-rows] * signal[rows:], window, "valid")
     size = np.sqrt(np.maximum(fftconvolve(signal**2, window, "valid"), 1e-300))

@@ -24,7 +24,7 @@ STABLE = 1 - 5e-5  # largest pole: a slower one is an integrator
 BEGIN = 0.03  # damping of the first poles
 ALIKE = 1.05  # ratio of what two delays leave that does not tell them apart
 BESIDE = 0.3  # of the distance of a pole from the unit circle: a zero so near cancels it
-NARROW = 0.2  # of the distance of lines: a sharper peak is one line's error
+NARROW = 0.5  # of the distance of lines: a sharper peak is one line's error
 FALLS = 0.5  # median gain of the last octave over that two octaves below, of lines that fall
 BEYOND, ABOVE = 2.0, 12  # times the last line; places from there to half the sampling rate
 

@@ -10,6 +10,7 @@ from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.nonparametric import (
     agreed_to,
     averaged,
+    clear_of,
     measured,
     periodic_lines,
     related,
@@ -83,8 +84,10 @@ def test_a_model_has_the_resonance_and_the_delay_of_a_part_of_a_sample(record):
     off = np.abs(told.value / true_response(told.frequency) - 1)
     assert np.mean(off <= told.half_width) > 0.95
     above = told.frequency > lines.frequency[-1]
-    assert np.all(told.half_width[above] >= 5.0)  # a resonance that answers ten times may hide
-    assert np.all(np.diff(told.half_width[above]) > 0)
+    # a resonance that answers ten times may hide, of the model or of a mass like the last line
+    over, size = told.frequency[above] / lines.frequency[-1], np.abs(told.value[above])
+    most = np.maximum(size, np.abs(lines.value[-1]) / over**2)
+    np.testing.assert_allclose(told.half_width[above] * size, 5.0 * over * most)
 
 
 @pytest.mark.parametrize(("radius", "kept"), [(1.0003, 1 / 1.0003), (1.03, 1.03)])
@@ -149,7 +152,7 @@ def test_lines_that_say_little_by_themselves_say_more_together():
     axis = AxisModel(np.array([-0.9]), np.array([1e-3]), 1, 0, DT)
     hertz = np.array([20.0, 40.0, 40.5, 41.0, 41.5, 42.0, 60.0])
     lines = Response(hertz, axis.response(2 * np.pi * hertz), np.full(hertz.size, 1.2))
-    found = averaged(lines, axis)
+    found = clear_of(averaged(lines, axis))
     np.testing.assert_array_equal(found.frequency, hertz[1:-1])
     np.testing.assert_allclose(found.half_width, 1.2 / np.sqrt(5))
     np.testing.assert_allclose(found.value, lines.value[1:-1])
