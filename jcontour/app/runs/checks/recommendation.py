@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.files.results.run_metrics import METRICS, RunMetrics
@@ -199,8 +200,9 @@ def _start(seen: Evidence) -> Iterator[Message]:
 def _comparison(seen: Evidence) -> Iterator[Message]:
     """Contours that the tuned weights make worse, held-out ones first, and restless controls.
 
-    What grows by no more than the encoders can tell, or by a tenth, is a warning. Weights that gain
-    less than the encoders can tell and make the control restless are not worth it.
+    What grows by no more than the encoders can tell, by a tenth, or by less than the geometric mean
+    of all contours falls, is a warning. Weights that gain less than the encoders can tell and make
+    the control restless are not worth it.
     """
     if not seen.compared:
         return
@@ -212,11 +214,11 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
             ratios[contour.name], grown[contour.name] = after / before, after - before
     counts = f"the rounding of the encoders, {1e6 * seen.finest:.2g} um"
     worse = [name for name, ratio in ratios.items() if ratio > WORSE]
-    clearly = [
-        name
-        for name in worse
-        if ratios[name] > PAYS and grown[name] > seen.finest and seen.tuned.feasible
-    ]
+    typical = float(np.exp(np.mean(np.log(list(ratios.values()))))) if ratios else 1.0
+    pays = clearly_worse(
+        np.array(list(ratios.values())), np.array(list(grown.values())), seen.finest
+    )
+    clearly = [name for name, one in zip(ratios, pays, strict=True) if one and seen.tuned.feasible]
     for training, words in ((False, "held-out"), (True, "training")):
         shown = [one.name for one in seen.contours if one.training is training]
         named = [f"{name} x {ratios[name]:.2f}" for name in shown if name in clearly]
@@ -226,7 +228,6 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
                 "train on contours like them, or so that none pays for the others, "
                 "--max-error-ratio 1",
             )
-    typical = float(np.exp(np.mean(np.log(list(ratios.values()))))) if ratios else 0.0
     in_all = seen.tuned.feasible and typical > WORSE and not clearly
     if in_all:
         yield reason(
@@ -239,7 +240,11 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
         yield warning(f"worse than the {seen.compared} by less than {counts}: {', '.join(hardly)}")
     little = [f"{n} x {ratios[n]:.2f}" for n in worse if grown[n] > seen.finest]
     if little and not clearly and not in_all:
-        yield warning(f"a little worse than the {seen.compared}: {', '.join(little)}")
+        mean = f", while the geometric mean of all contours is x {typical:.2f}"
+        paid = max(ratios[name] for name in worse) > PAYS
+        yield warning(
+            f"a little worse than the {seen.compared}{mean if paid else ''}: {', '.join(little)}"
+        )
     if len(ratios) < len(worst) or min(grown.values()) < -seen.finest:
         return  # one diverges, or gains what the encoders can tell
     start, tuned = max(worst, key=lambda pair: _times(*pair))
@@ -250,6 +255,22 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
             f"keep the {seen.compared}, or limit that change, "
             f"--max-rms-increment {2 * start.rms_increment:.2g}",
         )
+
+
+def clearly_worse(
+    ratio: Float[np.ndarray, " c"], grown: Float[np.ndarray, " c"], finest: float
+) -> Bool[np.ndarray, " c"]:
+    """Contours that pay for others: their error grows by more than the geometric mean falls.
+
+    And by more than `PAYS` and what the encoders can tell.
+
+    Args:
+        ratio: error of every contour over that before.
+        grown: their difference [m].
+        finest: difference that the encoders can tell [m].
+    """
+    gained = float(np.exp(-np.mean(np.log(np.maximum(ratio, 1e-3))))) if ratio.size else 1.0
+    return (ratio > max(PAYS, gained)) & (grown > finest)
 
 
 def _times(start: RunMetrics, tuned: RunMetrics) -> float:

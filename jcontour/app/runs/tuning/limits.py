@@ -77,12 +77,15 @@ def ratio_limit(flags: Tune) -> dict[str, float]:
     return {} if ratio is None else {RATIO: _above_zero("max_error_ratio", ratio)}
 
 
-def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[str, float]:
+def lag_limit(
+    machine: Machine, design: Design, references: Reference, start: float = 0.0
+) -> dict[str, float]:
     """Bound on the RMS tracking error along contours: some samples of travel at the fastest feed.
 
     They last as long where samples are shorter than `SAMPLE`: a machine is no faster for that.
     Contour error alone is also small for a tool that lags, or hardly moves. The bound is at most
-    `MOVING` of the error of a tool that stands still on the contour where that is largest.
+    `MOVING` of the error of a tool that stands still on the contour where that is largest, and at
+    least half of the error of the `start` [m], see `held_back`.
     """
     if machine.error != "contour":
         return {}
@@ -92,10 +95,21 @@ def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[s
     squares = ((position - position[:, :1]) ** 2).sum(axis=-1) * counted
     samples = design.lag * max(1.0, SAMPLE / machine.model.dt)
     travel, still = (
-        samples * float(jnp.max(steps)),
+        max(samples * float(jnp.max(steps)), start / 2),
         float(np.sqrt(squares.sum(axis=1) / np.maximum(counted.sum(axis=1), 1)).max()),
     )
     return {"rms_tracking_error": min(travel, MOVING * still) if still > 0 else travel}
+
+
+def held_back(machine: Machine, problem: Problem, start: Weights) -> float:
+    """Largest RMS tracking error of the start [m] where dry friction is what holds axes back.
+
+    Zero without friction, or where the start diverges.
+    """
+    if machine.linear is None or not machine.linear.largest_friction:
+        return 0.0
+    error = float(np.max(start_metrics(problem, start).rms_tracking_error))
+    return error if np.isfinite(error) else 0.0
 
 
 def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:

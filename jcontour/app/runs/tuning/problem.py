@@ -20,6 +20,7 @@ from jcontour.app.runs.spread.devices import batching_of
 from jcontour.app.runs.tuning.limits import (
     counted,
     effort_limit,
+    held_back,
     lag_limit,
     loop_limits,
     named_limits,
@@ -120,7 +121,8 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
         design.space,
         batching=batching_of(flags),
     )
-    limits = lag_limit(machine, design, references) | named_limits(flags)
+    start = held_back(machine, problem, design.start)
+    limits = lag_limit(machine, design, references, start) | named_limits(flags)
     limits |= effort_limit(flags, usual, problem, design.start)
     stated = stated_axis_limits(machine)
     kept = [] if design.keeps_limits else _named(stated)

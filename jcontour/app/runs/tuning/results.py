@@ -28,6 +28,7 @@ from jcontour.app.runs.checks.recommendation import (
     PAYS,
     Evidence,
     active_limits,
+    clearly_worse,
     exceeded_most,
     flag_allowing,
     may_drift,
@@ -145,14 +146,16 @@ def recommended(
     usable, orders = keeps_limits(run, start), []
     for k, (searched, trial) in enumerate(tried):
         beyond = not keeps_limits(searched.run, trial)
-        worse = usable and not _suits(run, start, trial)
-        typical = float(np.exp(np.mean(np.log(_errors(run, trial)))))
+        before, after = _errors(run, start), _errors(run, trial)
+        pays = clearly_worse(after / before, after - before, _finest(run)).any()
+        worse = usable and bool(pays)
+        typical = float(np.exp(np.mean(np.log(after))))
         orders.append((beyond, worse, typical if k else typical / PAYS))
     return tried[orders.index(min(orders))]
 
 
 def _suits(run: TuningRun, start: Trial, trial: Trial) -> bool:
-    """Whether no contour is clearly worse than with the start."""
+    """Whether no contour is worse than with the start by more than `PAYS`."""
     before, after = _errors(run, start), _errors(run, trial)
     return bool(np.all((after <= PAYS * before) | (after - before <= _finest(run))))
 

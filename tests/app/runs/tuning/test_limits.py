@@ -1,5 +1,6 @@
 """Limits of the flags: their units, and what is no limit."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from jcontour.app.runs.tuning.limits import (
     effort_limit,
     family_curves,
     family_peaks,
+    held_back,
     lag_limit,
     least_known,
     loop_limits,
@@ -83,6 +85,20 @@ def test_a_machine_that_is_sampled_faster_may_lag_as_long(dt, wanted):
     machine = SimpleNamespace(error="contour", model=SimpleNamespace(dt=dt))
     bounds = lag_limit(machine, partly(Design, lag=5.0), stack_references([reference]))
     assert bounds["rms_tracking_error"] == pytest.approx(10e-3 * wanted, rel=1e-4)
+
+
+def test_where_friction_holds_axes_back_half_of_the_error_of_the_start_is_enough(monkeypatch):
+    late = SimpleNamespace(rms_tracking_error=np.array([[1e-4, 8e-4]]))
+    monkeypatch.setattr("jcontour.app.runs.tuning.limits.start_metrics", lambda *_: late)
+    table = bridgeport_machine()
+    rubbed = replace(table, friction=1.0)
+    assert held_back(table, None, {}) == 0.0 and held_back(rubbed, None, {}) == 8e-4
+    arc = np.linspace(0, 2 * np.pi * 5e-3, 3140, endpoint=False)
+    contour = stack_references([along(circle(5e-3), arc, 1e-3, 0, at_rest=False)])
+    bounds = lag_limit(rubbed, partly(Design, lag=5.0), contour, held_back(rubbed, None, {}))
+    assert bounds["rms_tracking_error"] == pytest.approx(4e-4)  # 5 samples of 10 um are less
+    late.rms_tracking_error[0, 0] = np.inf
+    assert held_back(rubbed, None, {}) == 0.0
 
 
 def test_loops_are_limited_by_their_peak_and_with_more_delay():

@@ -88,7 +88,7 @@ def test_weights_step_back_to_where_no_contour_pays(monkeypatch, rise, last_kept
     [
         ([1.0, 1.0], [0.95, 0.95], 0),  # a simpler loop needs no reason
         ([1.0, 1.0], [0.9, 0.9], 1),
-        ([1.2, 0.5], [1.0, 0.9], 1),  # the first makes a contour clearly worse than the start
+        ([1.4, 0.5], [1.0, 0.9], 1),  # the first makes a contour clearly worse than the start
         ([1.2, 0.5], [1.3, 0.4], 0),  # so do both
         (None, [1.0, 1.0], 1),  # beyond a stated limit
     ],
