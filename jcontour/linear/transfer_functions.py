@@ -68,11 +68,6 @@ class TransferFunction:
         """Zeros in lambda without the origin, those nearest to it first."""
         return _inverted(self.zeros_z)
 
-    @property
-    def poles(self) -> Roots:
-        """Poles in lambda: outside the unit circle if the plant is stable."""
-        return _inverted(self.poles_z)
-
     def response(self, points) -> Complex[np.ndarray, "*f"]:
         """P at points lambda of the complex plane; lambda = exp(-j w dt) at w [rad/s].
 

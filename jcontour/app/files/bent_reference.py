@@ -94,11 +94,6 @@ class Moves(NamedTuple):
     asked: str = ""  # what is to be done before the first one, in words; empty for nothing
 
     @property
-    def feed(self) -> Float[np.ndarray, " moves"]:
-        """Speed of every move [m/s]."""
-        return np.linalg.norm(np.diff(self.ends, axis=0), axis=1) / self.lasting
-
-    @property
     def acceleration(self) -> float:
         """Largest of an axis [m/s^2] that takes it from one feed to the next, in half of both."""
         speed = np.diff(self.ends, axis=0) / self.lasting[:, None]
