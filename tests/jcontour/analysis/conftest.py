@@ -3,7 +3,6 @@
 from typing import Any
 
 import control
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,30 +11,26 @@ from scipy.optimize import minimize_scalar
 
 from jcontour._arrays import placed
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks, probe_windows
-from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_references
+from tests.small_loops import OnPositions
 
 
-class Law(Controller):
+class Law(OnPositions):
     """w+ = W w + E y, u = K w + D y."""
 
     W: Any
     E: Any
     K: Any
     D: Any
-    preview: int = eqx.field(static=True, default=0)
 
     @classmethod
     def static(cls, D):
         D = jnp.asarray(D, float)
         p, q = D.shape
         return cls(np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), D)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
 
     def initial_memory(self, reference):
         return jnp.zeros(self.W.shape[0])
