@@ -180,7 +180,6 @@ class Repetitive(ErrorDriven):
     filter: RepetitiveFilter
 
     def initial_learned(self, axes: int) -> Period:
-        """Memory before the first sample."""
         return self.filter.start(axes)
 
     def step(
@@ -286,7 +285,6 @@ class RunoutCancelled(ErrorDriven):
     canceller: Canceller
 
     def initial_learned(self, axes: int) -> Waves:
-        """Memory before the first sample."""
         return self.canceller.start(axes)
 
     def step(
