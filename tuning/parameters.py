@@ -177,8 +177,9 @@ class Chart(NamedTuple):
 
     def reach(self) -> Float[np.ndarray, " d"]:
         """How far every coordinate may go from the start."""
-        far = [np.full(np.size(weight), one.reach) for (_, one), weight in self._free()]
-        return np.concatenate(far)
+        pairs = zip(*self._pairs(), strict=True)
+        free = [(one, np.size(weight)) for (_, one), weight in pairs if not isinstance(one, Fixed)]
+        return np.concatenate([np.full(size, one.reach) for one, size in free])
 
     def weights(self, z: Float[Array, " d"]) -> Weights:
         """Weights at z."""
@@ -192,10 +193,6 @@ class Chart(NamedTuple):
             leaves.append(parameter.weight(z[at : at + size].reshape(jnp.shape(weight))))
             at += size
         return jax.tree.unflatten(jax.tree.structure(self.start), leaves)
-
-    def _free(self):
-        pairs = zip(*self._pairs(), strict=True)
-        return [pair for pair in pairs if not isinstance(pair[0][1], Fixed)]
 
     def _pairs(self):
         parameters = jax.tree_util.tree_leaves_with_path(

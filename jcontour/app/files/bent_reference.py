@@ -43,7 +43,8 @@ def steps(places: Float[np.ndarray, "M m"], lasting: Float[np.ndarray, " moves"]
         lasting: time of every move [s].
     """
     written, late, rest = [], 0.0, 0.0  # late: of the program's clock
-    for end, (way, time) in enumerate(zip(_lengths(places), lasting, strict=True), start=1):
+    ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    for end, (way, time) in enumerate(zip(ways, lasting, strict=True), start=1):
         if way == 0:
             rest += float(time)
             continue
@@ -71,11 +72,6 @@ def clock(
             times.append(times[-1] + 60 * way / step.word)
         at.append(at[-1] if step.end is None else step.end)
     return np.array(times), places[at]
-
-
-def _lengths(places: Float[np.ndarray, "M m"]) -> Float[np.ndarray, " moves"]:
-    """Lengths from place to place."""
-    return np.linalg.norm(np.diff(places, axis=0), axis=1)
 
 
 def _dwell(lasting: float) -> Step:
