@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jcontour._arrays import placed
+from jcontour._arrays import placed, whole_number
 from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.host.controller import HostController, HostWrapper, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
@@ -42,11 +42,8 @@ class Held(HostController):
     """
 
     def __init__(self, controller: HostController, every: int, inputs: int):
-        if not (every == int(every) and every >= 1):
-            raise ValueError(
-                f"every: needs a whole number of samples of at least one, received {every}"
-            )
-        self.controller, self.every, self.inputs = controller, int(every), int(inputs)
+        self.every = whole_number("every", every, 1)
+        self.controller, self.inputs = controller, int(inputs)
         self.preview = controller.preview * self.every
 
     def prepare(self, reference: Reference) -> Any:
