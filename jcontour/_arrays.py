@@ -132,3 +132,10 @@ def check_signs(
 def check_above_zero(**values: Any) -> None:
     """Raise ValueError unless numbers are finite and above zero; traced ones pass."""
     check_signs(SimpleNamespace(**values), positive=tuple(values))
+
+
+def whole_number(name: str, value: float, least: int = 0) -> int:
+    """The value as an int; ValueError unless it is a whole number of at least so much."""
+    if not (value % 1 == 0 and value >= least):
+        raise ValueError(f"{name}: needs a whole number of at least {least}, received {value}")
+    return int(value)

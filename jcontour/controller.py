@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import is_concrete, whole_number
 from jcontour.motion.references import Reference
 
 Memory = Any  # any pytree of arrays
@@ -118,11 +118,7 @@ class Wrapper(Controller):
 
 def whole_preview(preview: float | int) -> int:
     """The preview as an int; ValueError unless it is a whole number of at least one sample."""
-    if not (preview == int(preview) and preview >= 1):
-        raise ValueError(
-            f"preview: needs a whole number of samples, at least one, received {preview}"
-        )
-    return int(preview)
+    return whole_number("preview", preview, 1)
 
 
 def warn_of_short_preview(preview: int, delay: int) -> None:

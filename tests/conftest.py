@@ -18,9 +18,6 @@ keep_to_one_thread()  # as the commands do, before NumPy is loaded; workers inhe
 choose_compiler()  # and before JAX makes a device
 gc.set_threshold(50_000, 20, 50)  # of what is loaded and collected next, nothing goes
 
-from typing import Any
-
-import equinox as eqx
 import hypothesis
 import jax
 import jax.numpy as jnp
@@ -28,11 +25,11 @@ import numpy as np
 import pytest
 from jax._src.interpreters import mlir
 
-from jcontour.controller import Controller
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tests.small_loops import Proportional
 from tuning.objectives import mean_contour_error, no_limits
 from tuning.parameters import Positive
 from tuning.problem import Problem
@@ -276,28 +273,6 @@ def closed_loop():
     The controller has its start weights; the reference is short and in motion.
     """
     return _closed_loop
-
-
-class Proportional(Controller):
-    """u = gains (y_d - x) for integrators; diverges where a gain exceeds 2."""
-
-    gains: Any
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        return None, self.gains * (plan - measurement)
-
-
-@pytest.fixture(scope="session")
-def proportional():
-    """Controller from its gains, for machines whose positions are measured."""
-    return Proportional
 
 
 def build(weights):

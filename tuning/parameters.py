@@ -48,15 +48,12 @@ class Positive(Parameter):
     """
 
     def coordinate(self, weight):
-        """log w."""
         return jnp.log(weight)
 
     def weight(self, z):
-        """exp z."""
         return jnp.exp(z)
 
     def allows(self, weight) -> bool:
-        """Above zero."""
         return bool(np.all(weight > 0))
 
 
@@ -83,19 +80,16 @@ class Interval(Parameter):
             )
 
     def coordinate(self, weight):
-        """logit of the place between the bounds."""
         low, high = self._scaled(jnp.asarray([self.low, self.high]))
         place = (self._scaled(weight) - low) / (high - low)
         return jnp.log(place / (1 - place))
 
     def weight(self, z):
-        """The bounds mixed by a sigmoid of z."""
         low, high = self._scaled(jnp.asarray([self.low, self.high]))
         mixed = low + (high - low) * jax.nn.sigmoid(z)
         return jnp.exp(mixed) if self.low > 0 else mixed
 
     def allows(self, weight) -> bool:
-        """Strictly inside."""
         return bool(np.all((self.low < weight) & (weight < self.high)))
 
     def _scaled(self, value):
@@ -108,15 +102,12 @@ class Free(Parameter):
     reach: ClassVar[float] = np.inf
 
     def coordinate(self, weight):
-        """W itself."""
         return weight
 
     def weight(self, z):
-        """Z itself."""
         return z
 
     def allows(self, weight) -> bool:
-        """Everything finite."""
         return True
 
 
@@ -124,15 +115,12 @@ class Fixed(Parameter):
     """Not tuned."""
 
     def coordinate(self, weight):
-        """No coordinate."""
         return jnp.zeros((0,))
 
     def weight(self, z):
-        """Never asked: the start value stays."""
         raise AssertionError("a fixed weight has no coordinate")
 
     def allows(self, weight) -> bool:
-        """Everything."""
         return True
 
 
@@ -189,8 +177,9 @@ class Chart(NamedTuple):
 
     def reach(self) -> Float[np.ndarray, " d"]:
         """How far every coordinate may go from the start."""
-        far = [np.full(np.size(weight), one.reach) for (_, one), weight in self._free()]
-        return np.concatenate(far)
+        pairs = zip(*self._pairs(), strict=True)
+        free = [(one, np.size(weight)) for (_, one), weight in pairs if not isinstance(one, Fixed)]
+        return np.concatenate([np.full(size, one.reach) for one, size in free])
 
     def weights(self, z: Float[Array, " d"]) -> Weights:
         """Weights at z."""
@@ -204,10 +193,6 @@ class Chart(NamedTuple):
             leaves.append(parameter.weight(z[at : at + size].reshape(jnp.shape(weight))))
             at += size
         return jax.tree.unflatten(jax.tree.structure(self.start), leaves)
-
-    def _free(self):
-        pairs = zip(*self._pairs(), strict=True)
-        return [pair for pair in pairs if not isinstance(pair[0][1], Fixed)]
 
     def _pairs(self):
         parameters = jax.tree_util.tree_leaves_with_path(

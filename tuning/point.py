@@ -148,11 +148,6 @@ def _values(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[An
     return problem.runs(weights), matrices
 
 
-@eqx.filter_jit
-def _judged_alone(problem: Problem, outcome: Outcome) -> Judged:
-    return _judge(problem, outcome)
-
-
 def _judge(problem: Problem, outcome: Outcome) -> Judged:
     errors = problem.objective(outcome)
     if errors.ndim != 2 or 0 in errors.shape:
@@ -162,6 +157,9 @@ def _judge(problem: Problem, outcome: Outcome) -> Judged:
     size = problem.references.contour.size[:, None]
     departures = jnp.ravel(logarithm(outcome.metrics.peak_tracking_error / size))
     return Judged(logarithm(errors), problem.limits(outcome), departures)
+
+
+_judged_alone = eqx.filter_jit(_judge)
 
 
 @eqx.filter_jit

@@ -213,7 +213,9 @@ def streaming_law(
         )
     line = _standstill(controller, machine, places.shape[0])
     standing = machine.measure(machine.initial_state(line.position[0], line.start_increment))
-    seen = np.stack([_seen(machine, one) for one in np.eye(places.shape[0])], axis=1)
+    units = jnp.eye(places.shape[0])
+    still = [row(machine.measure(machine.initial_state(one, 0.0 * one))) for one in units]
+    seen = np.stack(still, axis=1)
     inner, known = controller, seen
     if isinstance(controller, Observer):  # the estimate is what the inner controller measures
         inner, standing = controller.controller, jnp.zeros(controller.model.states)
@@ -238,12 +240,6 @@ def _standstill(controller: Controller, machine: Plant, axes: int) -> Reference:
     arc = np.linspace(0.0, 1e-3, 2 * (ahead + BEHIND + TAIL))
     moving = along(path, arc, machine.dt, ahead, at_rest=True)
     return replace(moving, position=jnp.zeros_like(moving.position))
-
-
-def _seen(machine: Plant, position: Any) -> Float[np.ndarray, " q"]:
-    """Measurement of a machine that stands."""
-    position = jnp.asarray(position)
-    return np.asarray(row(machine.measure(machine.initial_state(position, 0.0 * position))))
 
 
 def _drives(machine: Plant, line: Reference, inputs: int) -> tuple[Matrix, int]:

@@ -339,14 +339,10 @@ def _corners(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
     corners = [np.zeros((0, pieces.polynomial.shape[-1]))]
     for first in range(0, pieces.extent.size, PIECES_AT_ONCE):
         some = slice(first, first + PIECES_AT_ONCE)
-        points = _samples(jax.tree.map(lambda rows, some=some: rows[some], pieces), count)
-        corners.append(np.stack([points.min(axis=0), points.max(axis=0)]))
+        part = jax.tree.map(lambda rows, some=some: rows[some], pieces)
+        points = part.jet(np.linspace(0.0, 1.0, count)[:, None] * part.extent)[0]
+        corners.append(np.stack([points.min(axis=(0, 1)), points.max(axis=(0, 1))]))
     return np.concatenate(corners)
-
-
-def _samples(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
-    points = pieces.jet(np.linspace(0.0, 1.0, count)[:, None] * pieces.extent)[0]
-    return points.reshape(-1, points.shape[-1])
 
 
 def _ends(pieces: Piece) -> Float[np.ndarray, "2 m"]:

@@ -12,6 +12,7 @@ from math import factorial
 import numpy as np
 from jaxtyping import Float
 
+from jcontour._arrays import whole_number
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.coordinates import Numbers, finite, positive
@@ -84,8 +85,7 @@ def polar_lobes(
             f"received {base} m and {amplitude} m, phase {phase}"
         )
     for name, value, least in (("lobes", lobes, 1), ("knots", knots, LEAST_POINTS)):
-        if not (value == int(value) and value >= least):
-            raise ValueError(f"{name}: needs a whole number of at least {least}, received {value}")
+        whole_number(name, value, least)
     edges = np.linspace(0.0, 2 * np.pi, POLAR_CELLS * int(lobes) + 1)
 
     def speed(a):

@@ -97,28 +97,23 @@ class HostWrapper(HostController):
         """Next memory and the control that acts, from those of the wrapped controller."""
 
     def prepare(self, reference: Reference) -> Any:
-        """Plan of the wrapped controller."""
         return self.controller.prepare(reference)
 
     def step(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
-        """The wrapped controller's step."""
         fed = self.enter(memory, measurement)
         return self._left(memory, fed, self.controller.step(memory.inner, plan, fed))
 
     def soft_step(self, memory: Any, plan: Any, measurement: Any) -> Stepped | None:
-        """The wrapped controller's softened step; None where it has none."""
         fed = self.enter(memory, measurement)
         answer = self.controller.soft_step(memory.inner, plan, fed)
         return None if answer is None else self._left(memory, fed, answer)
 
     def held(self, memory: Any, measurement: Any, control: Float[np.ndarray, " p"]) -> Any:
-        """Memory of both after a held control."""
         fed = self.enter(memory, measurement)
         inner = self.controller.held(memory.inner, fed, control)
         return self.leave(memory, fed, inner, control)[0]
 
     def finished(self, memory: Any) -> bool:
-        """Whether the wrapped controller has finished."""
         return self.controller.finished(memory.inner)
 
     def _left(self, memory: Any, fed: Any, answer: Stepped) -> Stepped:

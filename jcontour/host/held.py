@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jcontour._arrays import placed
+from jcontour._arrays import placed, whole_number
 from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.host.controller import HostController, HostWrapper, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
@@ -42,11 +42,8 @@ class Held(HostController):
     """
 
     def __init__(self, controller: HostController, every: int, inputs: int):
-        if not (every == int(every) and every >= 1):
-            raise ValueError(
-                f"every: needs a whole number of samples of at least one, received {every}"
-            )
-        self.controller, self.every, self.inputs = controller, int(every), int(inputs)
+        self.every = whole_number("every", every, 1)
+        self.controller, self.inputs = controller, int(inputs)
         self.preview = controller.preview * self.every
 
     def prepare(self, reference: Reference) -> Any:
@@ -71,7 +68,6 @@ class Held(HostController):
         return self._begun(self.controller.step(memory.inner, plan, measurement))
 
     def soft_step(self, memory: HeldMemory, plan: Any, measurement: Any) -> Stepped | None:
-        """The controller's own softened step; None where it has none."""
         answer = self.controller.soft_step(memory.inner, plan, measurement)
         return None if answer is None else self._begun(answer)
 
@@ -83,7 +79,6 @@ class Held(HostController):
         return HeldMemory(inner, control, 1 % self.every, StepReport())
 
     def finished(self, memory: HeldMemory) -> bool:
-        """Whether the wrapped controller has finished, asked at its own samples only."""
         return memory.age == 0 and self.controller.finished(memory.inner)
 
     def _begun(self, answer: Stepped) -> Stepped:
@@ -142,22 +137,18 @@ class FrictionCompensated(HostController):
         self._limit = np.asarray(feedforward.limit)
 
     def prepare(self, reference: Reference) -> tuple[Any, Float[np.ndarray, "T p"]]:
-        """Plan of the wrapped controller, and the control against friction."""
         reference = reference if self.leading is None else self.leading(reference)
         friction = np.asarray(self.feedforward.against(reference))
         return self.controller.prepare(reference), friction
 
     def initial_memory(self, reference: Reference) -> FrictionMemory:
-        """Memory of the wrapped controller, nothing added yet."""
         none = np.zeros_like(np.asarray(self.feedforward.against(reference))[0])
         return FrictionMemory(self.controller.initial_memory(reference), none)
 
     def step(self, memory: FrictionMemory, plan: Any, measurement: Any) -> Stepped:
-        """The wrapped controller's step, and the control against friction."""
         return self._beside(self.controller.step(memory.inner, plan[0], measurement), plan[1])
 
     def soft_step(self, memory: FrictionMemory, plan: Any, measurement: Any) -> Stepped | None:
-        """The wrapped controller's softened step likewise; None where it has none."""
         answer = self.controller.soft_step(memory.inner, plan[0], measurement)
         return None if answer is None else self._beside(answer, plan[1])
 
@@ -169,7 +160,6 @@ class FrictionCompensated(HostController):
         return memory._replace(inner=self.controller.held(memory.inner, measurement, own))
 
     def finished(self, memory: FrictionMemory) -> bool:
-        """Whether the wrapped controller has finished."""
         return self.controller.finished(memory.inner)
 
     def _beside(self, answer: Stepped, friction: Float[np.ndarray, " p"]) -> Stepped:

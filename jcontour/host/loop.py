@@ -78,11 +78,6 @@ class Stopped(RuntimeError):
         self.step, self.run, self.cause = step, run, cause
         super().__init__(str(cause))
 
-    @property
-    def rollout(self) -> Rollout:
-        """The part of the run that was simulated."""
-        return self.run.rollout
-
 
 def reported_loop(
     plant: Plant,

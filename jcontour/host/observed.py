@@ -43,12 +43,10 @@ class ObservedHost(HostWrapper):
             )
 
     def initial_memory(self, reference: Reference) -> ObserverMemory:
-        """The estimate starts where the reference says the run begins."""
         known = self.model.initial_state(reference.position[0], reference.start_increment)
         return ObserverMemory(np.asarray(known), self.controller.initial_memory(reference))
 
     def enter(self, memory: ObserverMemory, measurement: Any) -> Float[np.ndarray, " n"]:
-        """The corrected estimate xf."""
         return corrected(memory.estimate, measurement, self._gain, self._C)
 
     def leave(self, memory: ObserverMemory, fed: Any, inner: Any, control: Any):

@@ -42,11 +42,6 @@ class ModelSchedule(eqx.Module):
                 f"received {models.A.shape[0]}"
             )
 
-    @property
-    def dt(self) -> float:
-        """Sample period of the models [s]."""
-        return self.models.dt
-
     def model(self, index: int) -> LinearPlant:
         """Model at one of the points."""
         return jax.tree.map(lambda leaf: leaf[index], self.models)

@@ -66,12 +66,8 @@ class TransferFunction:
     @property
     def zeros(self) -> Roots:
         """Zeros in lambda without the origin, those nearest to it first."""
-        return _inverted(self.zeros_z)
-
-    @property
-    def poles(self) -> Roots:
-        """Poles in lambda: outside the unit circle if the plant is stable."""
-        return _inverted(self.poles_z)
+        zeros = 1 / self.zeros_z[self.zeros_z != 0]
+        return zeros[np.argsort(np.abs(zeros), kind="stable")]
 
     def response(self, points) -> Complex[np.ndarray, "*f"]:
         """P at points lambda of the complex plane; lambda = exp(-j w dt) at w [rad/s].
@@ -183,12 +179,6 @@ def polynomial_from_zeros(zeros: Roots) -> Polynomial:
 def _from_z_roots(roots: Roots) -> Polynomial:
     """prod(1 - root lambda), real."""
     return np.real(np.poly(roots)) if len(roots) else np.ones(1)
-
-
-def _inverted(roots: Roots) -> Roots:
-    """Reciprocals of the roots that are not zero, the smallest first."""
-    zeros = 1 / roots[roots != 0]
-    return zeros[np.argsort(np.abs(zeros), kind="stable")]
 
 
 def _balanced(A, B, C):

@@ -120,7 +120,7 @@ def constant_feed(contour: Contour, feed: Numbers, dt: float) -> Float[np.ndarra
     extent = unpadded(contour).extent
     feed, dt = per_piece("feed", feed, extent.size), positive("dt", dt)
     length, times = float(contour.length), _cumulated(extent / feed)
-    steps = _check_samples(times[-1] / dt + SAMPLE_ROUNDING)
+    steps = sample_count(times[-1] / dt + SAMPLE_ROUNDING)
     if steps < 1:
         raise ValueError(
             f"feed: the tool passes the whole contour, {length:.3g} m, "
@@ -375,7 +375,7 @@ def _sampled(length, first, last, end: float, dt: float, stops, rest) -> Float[n
     """Samples of stretches, with rests at stops [m]."""
     ends, times = _cumulated(length), _cumulated(2.0 * length / (first + last))
     rests = Rests(np.interp(stops, ends, times), rest)
-    samples = _check_samples(np.ceil((times[-1] + rests.total) / dt - SAMPLE_ROUNDING))
+    samples = sample_count(np.ceil((times[-1] + rests.total) / dt - SAMPLE_ROUNDING))
     time = np.minimum(rests.moving(np.arange(samples + 1) * dt), times[-1])
     i = np.minimum(np.searchsorted(times, time, side="right") - 1, length.size - 1)
     acceleration, elapsed = 0.5 * (last**2 - first**2) / length, time - times[i]
@@ -389,7 +389,8 @@ def _cumulated(values) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(values)])
 
 
-def _check_samples(steps: float) -> int:
+def sample_count(steps: float) -> int:
+    """Samples of a run, no more than memory holds."""
     if not steps < MOST_SAMPLES:
         raise ValueError(
             f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"

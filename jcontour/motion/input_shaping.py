@@ -61,11 +61,6 @@ class Shaper(eqx.Module):
         if is_concrete(self.amplitudes) and not abs(np.sum(self.amplitudes) - 1) < 1e-9:
             raise ValueError(f"amplitudes: need to sum to one, received {self.amplitudes}")
 
-    @property
-    def duration(self) -> Float[Array, ""]:
-        """Time by which a motion becomes longer [s]."""
-        return self.times[-1]
-
 
 def zv(frequency, damping=0.0) -> Shaper:
     """Zero-vibration shaper: the shortest with positive impulses.

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour._arrays import in_words, placed, shape
+from jcontour._arrays import in_words, placed, shape, whole_number
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
 from jcontour.geometry.coordinates import finite, positive
@@ -143,7 +143,7 @@ def from_samples(
             is farther from the contour than the tolerance, or no control step is left.
     """
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
-    preview = _whole(preview)
+    preview = whole_number("preview", preview)
     if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
         raise ValueError(
             "position, tangent: need the same shape (S, m), m from 1 to 3, "
@@ -205,7 +205,7 @@ def in_time(
         raise ValueError(
             f"dwell: needs to be from zero to the duration {duration} s, received {dwell} s"
         )
-    preview = _whole(preview)
+    preview = whole_number("preview", preview)
     time = np.arange(round(steps) + 1 + preview) * dt
     arc = finite("arc", law(np.maximum(time - dwell, 0.0)))
     position, tangent = _sampled(contour, arc)
@@ -243,7 +243,7 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
         ValueError: `arc` is not a finite vector of at least two samples or goes back, `scored` has
             another length, or `preview` is no whole number of samples.
     """
-    arc, preview = np.asarray(arc, float), _whole(preview)
+    arc, preview = np.asarray(arc, float), whole_number("preview", preview)
     if arc.ndim != 1 or arc.size < 2:
         raise ValueError(f"arc: needs shape (T,) with at least two samples, received {arc.shape}")
     finite("arc", arc)
@@ -411,15 +411,6 @@ def _reference(samples: _Samples, contour: Contour, dt: float, preview: int, inc
     samples = samples._replace(mask=samples.mask & (np.arange(count) < steps))
     arrays = jax.device_put((*samples, np.asarray(increment)))
     return Reference(*arrays, contour, positive("dt", dt), steps)
-
-
-def _whole(preview: float | int) -> int:
-    """The preview as an int, where it is a whole number of samples."""
-    if not (preview % 1 == 0 and preview >= 0):
-        raise ValueError(
-            f"preview: needs a whole number of samples, at least zero, received {preview}"
-        )
-    return int(preview)
 
 
 def __dir__() -> list[str]:

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jcontour._arrays import check_above_zero, check_signs, ranked
+from jcontour._arrays import check_above_zero, check_signs, ranked, whole_number
 from jcontour.plant import Plant
 
 Axes = Float[Array, "*m"]
@@ -122,9 +122,7 @@ def substeps_of(dt: float, substeps: int | float | None, longest: float) -> int:
         raise ValueError(
             f"substeps: {longest} s does not divide the sample period {dt} s; give their number"
         )
-    if count < 1 or count != int(count):
-        raise ValueError(f"substeps: needs a whole number, at least one, received {substeps}")
-    return int(count)
+    return whole_number("substeps", count, 1)
 
 
 def runge_kutta(rates: Callable[[State], State], x: State, h: float | Float[Array, ""]) -> State:

@@ -6,16 +6,15 @@ Weights without effect, beside one that has some, on an integrator.
 from dataclasses import replace
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tests.small_loops import OnPositions
 from tests.tuning import bumped
 from tests.tuning.bumped import HIGH
 from tuning import exchange
@@ -112,18 +111,11 @@ FOUND = {"gain": jnp.asarray(0.5), "late": jnp.asarray(3.0), "spare": jnp.asarra
 REFERENCE = along(line(np.zeros(1), np.full(1, 3e-3)), 1e-4 * np.arange(30), 1e-3, 0, at_rest=False)
 
 
-class Follower(Controller):
+class Follower(OnPositions):
     """u = k (y_d - x), with a factor that acts above 4 only."""
 
     gain: Any
     late: Any
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
 
     def step(self, memory, plan, measurement):
         return None, self.gain * jnp.maximum(self.late, 4.0) / 4.0 * (plan - measurement)

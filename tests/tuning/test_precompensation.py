@@ -12,6 +12,7 @@ from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
 from jcontour.plants.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants
+from tests.small_loops import Proportional
 from tuning.precompensation import (
     FIRST,
     GROWTH,
@@ -30,8 +31,8 @@ PRICES = Prices(contouring=0.9, size=1e-3, roughness=1e-2)
 
 
 @pytest.fixture(scope="module")
-def controller(proportional):
-    return proportional(GAIN)
+def controller():
+    return Proportional(GAIN)
 
 
 @pytest.fixture(scope="module")

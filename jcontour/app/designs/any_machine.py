@@ -94,9 +94,6 @@ class StateDesign(Design[Machine]):
     def starts(self) -> Gains:
         return self.observed.start
 
-    def first_preview(self, first: Gains) -> int:
-        return self.build(first).preview
-
     def tunable(self) -> "StateDesign":
         """Behind the observer that is tuned, with its start."""
         observed = self.observed.tunable()

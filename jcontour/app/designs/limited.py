@@ -139,6 +139,5 @@ class ConstrainedLQDesign(LQDesign):
         return {"observer.json": "the observer's equations and matrices; u is the program's answer"}
 
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
-        """The observer as a drive would load it."""
         assert isinstance(controller, OffsetFreeWithLoad)
         run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))

@@ -194,7 +194,6 @@ class LQDesign(LinearDesign):
         )
 
     def build(self, weights: Gains) -> Controller:
-        """Controller behind its observer."""
         return self.loop(weights)
 
     def _delayed(self, late: int) -> LinearPlant:
@@ -256,11 +255,9 @@ class LQDesign(LinearDesign):
         return there.replaced(start=there._first_loop())
 
     def settings(self) -> dict[str, Any]:
-        """Preview, terminal, delay of the model."""
         return {"preview": self.horizon, "terminal": self.terminal, "model_delay": self.late}
 
     def description(self) -> dict[str, str]:
-        """Controller, observer, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
         start = ", ".join(f"{name} {float(self.start[name]):g}" for name in self.units())
         return {

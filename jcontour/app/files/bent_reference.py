@@ -43,7 +43,8 @@ def steps(places: Float[np.ndarray, "M m"], lasting: Float[np.ndarray, " moves"]
         lasting: time of every move [s].
     """
     written, late, rest = [], 0.0, 0.0  # late: of the program's clock
-    for end, (way, time) in enumerate(zip(_lengths(places), lasting, strict=True), start=1):
+    ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    for end, (way, time) in enumerate(zip(ways, lasting, strict=True), start=1):
         if way == 0:
             rest += float(time)
             continue
@@ -73,11 +74,6 @@ def clock(
     return np.array(times), places[at]
 
 
-def _lengths(places: Float[np.ndarray, "M m"]) -> Float[np.ndarray, " moves"]:
-    """Lengths from place to place."""
-    return np.linalg.norm(np.diff(places, axis=0), axis=1)
-
-
 def _dwell(lasting: float) -> Step:
     return Step(None, float(f"{lasting:.9g}"))
 
@@ -92,11 +88,6 @@ class Moves(NamedTuple):
     chord: float
     rapid: bool = False  # whether they are rapid moves
     asked: str = ""  # what is to be done before the first one, in words; empty for nothing
-
-    @property
-    def feed(self) -> Float[np.ndarray, " moves"]:
-        """Speed of every move [m/s]."""
-        return np.linalg.norm(np.diff(self.ends, axis=0), axis=1) / self.lasting
 
     @property
     def acceleration(self) -> float:

@@ -45,8 +45,10 @@ def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
     longest = int(np.argmax(np.diff(edges)))
     start, end = int(edges[longest]), int(edges[longest + 1])
     if end - start < max(min(LEAST_PART * len(time), LEAST_ROWS), 3):
+        before, after = time[odd[0]], time[odd[0] + 1]
         raise ValueError(
-            f"{_uneven(time, usual, int(odd[0]))}; there are {odd.size} such places, and the "
+            f"samples are not evenly spaced: after {before:g} s comes {after:g} s, the others are "
+            f"{usual:g} s apart; there are {odd.size} such places, and the "
             f"longest part without, {time[start]:g} s to {time[end - 1]:g} s, has {end - start} of "
             f"{len(time)} samples: keep that part alone, or let the drive record by its own clock"
         )
@@ -86,10 +88,3 @@ def _odd_steps(time: Float[np.ndarray, " T"]) -> tuple[float, Int[np.ndarray, " 
     if not usual > 0:
         raise ValueError("the column time has to grow, as seconds do")
     return usual, np.flatnonzero(~(np.abs(steps - usual) <= MOST_JITTER * usual))
-
-
-def _uneven(time: Float[np.ndarray, " T"], usual: float, first: int) -> str:
-    return (
-        f"samples are not evenly spaced: after {time[first]:g} s comes {time[first + 1]:g} s, "
-        f"the others are {usual:g} s apart"
-    )

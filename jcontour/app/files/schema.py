@@ -73,10 +73,6 @@ def _words(fault: Any) -> str:
 FORMS = ("one", "each")  # of a value that is given once, or for every axis
 
 
-def _form(value: Any) -> str:
-    return "each" if isinstance(value, (list, tuple, np.ndarray)) else "one"
-
-
 def _listed(value: Any) -> Any:
     """Arrays of a user's Python file as lists."""
     return value.tolist() if isinstance(value, np.ndarray) else value
@@ -127,7 +123,7 @@ Matrix = Annotated[
 ]
 OneOrEach = Annotated[
     Annotated[Entry, Tag("one")] | Annotated[list[Entry], Tag("each")],
-    Discriminator(_form),
+    Discriminator(lambda value: "each" if isinstance(value, (list, tuple, np.ndarray)) else "one"),
     Field(title="number, or one per axis"),
 ]
 

@@ -58,31 +58,25 @@ class GainsAndDelayMachine(Machine):
 
     @property
     def remarks(self) -> list[str]:
-        """The family that is assumed where its file states none."""
         gain, delay, _, statement = self.uncertainty
         return [assumed(self.name, gain, delay, statement)] if statement else []
 
     @property
     def response_uncertainty(self) -> "ResponseUncertainty | None":
-        """What its file says of the response."""
         return self.uncertainty.response
 
     @property
     def unknown_delay(self) -> int:
-        """Most samples of delay that the model does not know."""
         return self.uncertainty.delay
 
     @property
     def members(self) -> list[GainMember]:
-        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
         return family_members(self.model.inputs, self.uncertainty)
 
     def drawn(self, count: int, seed: int) -> list[GainMember]:
-        """Gains and delays drawn evenly from their intervals, then the corners of these."""
         return random_members(count, seed, self.model.inputs, self.uncertainty)
 
     def true_plant(self, member: GainMember, fed: Fed = "outputs") -> Plant:
-        """A member behind its sensors."""
         return self.counted(self.member(member), fed)
 
     def rubbed(self, gains: np.ndarray) -> Plant:
@@ -121,7 +115,6 @@ class MotorMeasuredMachine(Machine):
 
     @property
     def sensed(self) -> tuple[str, ...]:
-        """Positions of the motors, then their speeds."""
         return ("m",) * self.model.inputs + ("m/s",) * self.model.inputs
 
     @abc.abstractmethod
@@ -166,7 +159,6 @@ class MotorMeasuredMachine(Machine):
         return Delayed(model, jnp.asarray(member.late), LATE, model.inputs)
 
     def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
-        """Linear models of the members, late as they are."""
         return [self._measured(self._linear(member, path)) for member in self.members]
 
     def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
@@ -180,7 +172,6 @@ class MotorMeasuredMachine(Machine):
 
     @property
     def members(self) -> Sequence[Member]:
-        """Nominal machine, corners of stiffness and masses, the late machine."""
         return members(self.stiffness_known_to, self.mass_known_to)
 
     def drawn(self, count: int, seed: int) -> list[Member]:

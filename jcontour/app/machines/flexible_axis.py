@@ -74,7 +74,6 @@ class FlexibleMachine(MotorMeasuredMachine):
     encoder_resolution: float | np.ndarray
 
     def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
-        """Positions of the motors."""
         return motors(len(self.axes)).positions
 
     def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
@@ -82,21 +81,17 @@ class FlexibleMachine(MotorMeasuredMachine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts, and stick and slip of dry friction."""
         return "stick, slip and encoder counts"
 
     @property
     def resolution(self) -> float | np.ndarray:
-        """Of the motors' encoders."""
         return self.encoder_resolution
 
     @property
     def usual(self) -> Usual:
-        """Motions of a single axis, contours of several."""
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
 
     def driven(self, member: Member, smooth: bool) -> Plant:
-        """Axes behind drives that are late."""
         varied, dt = self._varied(member), self.model.dt
         plant: Plant = FlexibleAxis(varied, dt)
         if smooth:
@@ -113,7 +108,6 @@ class FlexibleMachine(MotorMeasuredMachine):
         return FineEncoders(self.model, Sensors(range(len(self.axes))))
 
     def description(self) -> dict[str, str]:
-        """Masses, link, sensors."""
         p = self.parameters
         pairs = zip(p.motor_mass, p.tool_mass, strict=True)
         masses = "; ".join(f"{motor:g} + {tool:g} kg" for motor, tool in pairs)

@@ -80,17 +80,14 @@ class GantryMachine(MotorMeasuredMachine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts, and stick and slip where there is dry friction."""
         return "encoder counts" if self.friction is None else "stick, slip and encoder counts"
 
     @property
     def resolution(self) -> float:
-        """Of the motors' encoders."""
         return ENCODER_RESOLUTION
 
     @property
     def usual(self) -> Usual:
-        """Contours at several positions along the beam."""
         return Usual(
             "gantry-offset-free-lq",
             training=("ring-left", "ring-centre", "cushion-right"),
@@ -119,7 +116,6 @@ class GantryMachine(MotorMeasuredMachine):
 
     @property
     def members(self) -> Sequence[Member]:
-        """Nominal gantry, corners of the joints' stiffness and of all masses, late gantries."""
         return [*super().members, LATE_AND_LIGHT]
 
     def driven(self, member: Member, smooth: bool) -> Plant:
@@ -142,7 +138,6 @@ class GantryMachine(MotorMeasuredMachine):
         return self.read(FineEncoders(plant, motors(3)))
 
     def description(self) -> dict[str, str]:
-        """Masses, beam, sensors."""
         p = self.parameters
         masses = ", ".join(f"{float(getattr(p, name)):.4g}" for name in MASSES)
         currents = ", ".join(f"{limit:g}" for limit in np.asarray(self.limits.control))

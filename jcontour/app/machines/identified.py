@@ -29,7 +29,8 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
     """
     plant = identified.plant()
     # Intervals of the responses at a few frequencies, the largest around each
-    dt, modes = identified.record.dt, [_ringing(one.fit.model) for one in identified.axes]
+    dt, modes = identified.record.dt, [_modes(one.fit.model)[1] for one in identified.axes]
+    modes = [[(hertz, damping) for hertz, damping in each if damping < RINGS] for each in modes]
     places = [places_around(hertz, dt) for each in modes for hertz, _ in each]
     own = [_thinned(one.response.frequency) for one in identified.axes]
     kept = np.unique([float(f"{one:.6g}") for one in np.concatenate([*own, *places])])
@@ -125,11 +126,6 @@ def _lines(hertz: np.ndarray, off: np.ndarray, width: np.ndarray) -> dict[str, l
 def _columns(axes: list[dict[str, list[float]]]) -> dict[str, list[list[float]]]:
     """The same of all axes."""
     return {name: [one[name] for one in axes] for name in axes[0]}
-
-
-def _ringing(model: AxisModel) -> list[tuple[float, float]]:
-    """Frequency [Hz] and damping of the pairs of poles that ring."""
-    return [(hertz, damping) for hertz, damping in _modes(model)[1] if damping < RINGS]
 
 
 def _thinned(frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " K"]:

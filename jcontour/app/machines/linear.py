@@ -79,29 +79,24 @@ class LinearMachine(GainsAndDelayMachine):
 
     @property
     def linear(self) -> "LinearMachine":
-        """The machine itself."""
         return self
 
     @property
     def measured(self) -> "tuple[Lines, ...]":
-        """What its file says was measured."""
         return () if self.uncertainty.response is None else self.uncertainty.response.lines
 
     @property
     def remarks(self) -> list[str]:
-        """The note of its file, and the family that is assumed where it states none."""
         return [*([f"{self.name}: {self.note}"] if self.note else []), *super().remarks]
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts and noise, friction and backlash, where there are some."""
         encoders = "quantised, noisy encoders" if self.noisy else "quantised encoders"
         loose = " and backlash" if np.any(self.backlash) else ""
         return encoders + (" and dry friction" if self.largest_friction else "") + loose
 
     @property
     def resolution(self) -> float | np.ndarray:
-        """Of the position encoders."""
         return self.encoder_resolution
 
     @property
@@ -128,12 +123,10 @@ class LinearMachine(GainsAndDelayMachine):
 
     @property
     def sensed(self) -> tuple[str, ...]:
-        """Positions of the axes."""
         return ("m",) * len(self.axes)
 
     @property
     def usual(self) -> Usual:
-        """Contouring on short parts."""
         return self.contours
 
     @property
@@ -169,11 +162,9 @@ class LinearMachine(GainsAndDelayMachine):
         return [Disturbed(Encoders(plant), noise=noise) for plant in members]
 
     def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
-        """The measurement itself, or the outputs of a measured state."""
         return self.model.output if fed == "state" else lambda measurement: measurement
 
     def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
-        """The exact family, the same along every path."""
         return self.exact_family(fed)
 
     def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
@@ -242,15 +233,12 @@ class LinearMachine(GainsAndDelayMachine):
         return with_dry_friction_times(self.mechanics, factor)
 
     def hosted(self) -> Hosted:
-        """The machine with friction, or the model itself."""
         return super().hosted() if self.with_friction is None else self.with_friction()
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """The model, its positions or its state measured."""
         return self.model if fed == "state" else Encoders(self.model)
 
     def description(self) -> dict[str, str]:
-        """States, delay, axes, sensors, friction where there is some."""
         states = f"{self.model.states} states (known delay {self.known_delay})"
         time = f"dt {1e3 * self.model.dt:g} ms"
         sensors = f"positions only, encoder {in_words(self.encoder_resolution)}"

@@ -27,21 +27,17 @@ class PlantMachine(GainsAndDelayMachine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Nothing: the plant is taken as it is."""
         return NO_EFFECTS
 
     @property
     def usual(self) -> Usual:
-        """Contouring on short parts; the controller is always given."""
         return USUAL._replace(controller="")
 
     @property
     def mechanics(self) -> Plant:
-        """The plant as it is."""
         return self.plant
 
     def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
-        """The plant itself: it measures what it measures."""
         if fed == "state":
             raise ValueError(f"{self.name} is measured as its plant says, not by its state")
         return plant
@@ -51,11 +47,9 @@ class PlantMachine(GainsAndDelayMachine):
         return self.true_family(fed)
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """The plant."""
         return self.counted(self.plant, fed)
 
     def description(self) -> dict[str, str]:
-        """Axes and sample period."""
         axes = ", ".join(self.axes)
         return {"Machine": f"{self.name}: axes {axes}, dt {1e3 * self.plant.dt:g} ms"}
 

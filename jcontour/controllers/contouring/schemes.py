@@ -117,7 +117,6 @@ class OnPath(Controller):
         return PathPlan(self.cascade.prepare(reference), PathFrame(tangent, curvature))
 
     def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the cascade."""
         return self.cascade.initial_memory(reference)
 
 

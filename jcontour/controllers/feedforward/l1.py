@@ -153,7 +153,8 @@ def _program(problem: ModelMatching, circle: Circle, count: int) -> tuple[Polyno
     if missed > MISSED * max(float(np.abs(response).sum()), 1.0):
         raise ValueError(f"taps: no filter of {count} taps meets the conditions")
     # the bound: the value of the multipliers, scaled until they are feasible for every k
-    beyond = _beyond(conditions, multipliers)
+    lasting = np.abs(multipliers * conditions.lasting).sum()  # of the dual's samples beyond them
+    beyond = float(lasting + np.linalg.norm(conditions.back @ multipliers) * conditions.rest)
     feasible = max(1.0, float(np.max(np.abs(multipliers @ rows), initial=0.0)), beyond)
     return response, float(values @ multipliers) / feasible, beyond <= 1
 
@@ -203,9 +204,3 @@ def _solved(conditions: _Conditions) -> tuple[Polynomial, Float[np.ndarray, " r"
         multipliers = multipliers + np.linalg.lstsq(rows[:, basis].T, short, rcond=None)[0]
     missed = np.max(np.abs(rows @ taps - values), initial=0.0)
     return (rough if missed > 1e-9 * scale else taps), multipliers
-
-
-def _beyond(conditions: _Conditions, multipliers: Float[np.ndarray, " r"]) -> float:
-    """Bound on the dual's samples beyond the last tap."""
-    lasting = np.abs(multipliers * conditions.lasting).sum()
-    return float(lasting + np.linalg.norm(conditions.back @ multipliers) * conditions.rest)

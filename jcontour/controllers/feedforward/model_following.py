@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import polynomial
 
+from jcontour._arrays import whole_number
 from jcontour.controller import warn_of_short_preview
 from jcontour.controllers.feedforward.l1 import L1Optimum, l1_optimum
 from jcontour.controllers.feedforward.model_matching import HinfOptimum, ModelMatching, Polynomial
@@ -47,9 +48,7 @@ class ModelFollowing:
 
     def __post_init__(self):
         for name in ("order", "preview", "constraint"):
-            value = getattr(self, name)
-            if value != int(value) or value < 0:
-                raise ValueError(f"{name}: needs a whole number from 0 on, received {value}")
+            whole_number(name, getattr(self, name))
         if self.preview < self.order:
             raise ValueError(
                 f"preview: a model of order {self.order} looks {self.order} samples ahead, "

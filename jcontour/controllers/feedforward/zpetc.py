@@ -46,10 +46,6 @@ RINGING = 0.3  # a zero at z = -0.57 is left in the paper: its inverse would rin
 class PreviewFilter(eqx.Module):
     """A stable filter, the same for every axis or one for each; traceable in its coefficients.
 
-    >>> ahead = PreviewFilter([1.0], [1.0], preview=2)
-    >>> ahead.filtered(jnp.arange(5.0)[:, None], jnp.ones(1))[:, 0].tolist()
-    [2.0, 3.0, 4.0]
-
     Args:
         numerator: (c,) or (m, c), ascending in lambda = z^-1.
         denominator: (d,) or (m, d), ascending; the first coefficient is not zero.
@@ -100,19 +96,8 @@ class PreviewFilter(eqx.Module):
                 f"preview: the filter looks {self.preview} samples ahead, "
                 f"the reference was made with {reference.preview}"
             )
-        last = reference.steps + self.preview
-        return self._whole(reference.position[:last], reference.start_increment)
-
-    def filtered(
-        self, samples: Float[Array, "S m"], increment: Float[Array, " m"]
-    ) -> Float[Array, "S-{self.preview} m"]:
-        """Filtered samples; `increment` is their motion per sample before the first."""
-        return self._whole(samples, increment)[self.preview :]
-
-    def _whole(
-        self, samples: Float[Array, "S m"], increment: Float[Array, " m"]
-    ) -> Float[Array, "S m"]:
-        """The same from `preview` samples before the first on."""
+        samples = reference.position[: reference.steps + self.preview]
+        increment = reference.start_increment
         top, below = self._rows(samples.shape[1])
         count = jnp.arange(samples.shape[0], dtype=samples.dtype)[:, None]
         steady = samples[:1] + count * increment[None]

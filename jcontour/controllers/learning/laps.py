@@ -40,6 +40,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
+from jcontour._arrays import whole_number
 from jcontour.analysis.frequency_response import largest_singular
 from jcontour.controller import Controller, Plan, Wrapper, checked_gain
 from jcontour.motion.references import Reference
@@ -241,11 +242,8 @@ class PType(LearningLaw):
     smoothing: int = eqx.field(static=True)
 
     def __init__(self, gain: ArrayLike, lead: int = 0, smoothing: int = 0):
-        for name, value in {"lead": lead, "smoothing": smoothing}.items():
-            if value != int(value) or value < 0:
-                raise ValueError(f"{name}: needs a whole number of at least zero, received {value}")
-        self.gain = checked_gain("gain", gain)
-        self.lead, self.smoothing = int(lead), int(smoothing)
+        self.gain, self.lead = checked_gain("gain", gain), whole_number("lead", lead)
+        self.smoothing = whole_number("smoothing", smoothing)
 
     def update(
         self, correction: Float[Array, "T m"], error: Float[Array, "T m"]

@@ -24,7 +24,7 @@ from jax.scipy.linalg import cho_solve
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._arrays import is_concrete
+from jcontour._arrays import is_concrete, whole_number
 from jcontour.controller import checked_gain
 from jcontour.controllers.learning.laps import LearningLaw, RunLap, smoothed
 from jcontour.motion.references import Reference
@@ -84,12 +84,8 @@ class NormOptimal(LearningLaw):
             raise ValueError(f"contouring: needs to be from zero to one, received {contouring}")
         if is_concrete(effort) and not np.asarray(effort) > 0:
             raise ValueError(f"effort: needs to be above zero, received {effort}")
-        if smoothing != int(smoothing) or smoothing < 0:
-            raise ValueError(
-                f"smoothing: needs a whole number of at least zero, received {smoothing}"
-            )
         self.model, self.tangent = model, jnp.asarray(tangent)
-        self.smoothing = int(smoothing)
+        self.smoothing = whole_number("smoothing", smoothing)
         self.factor = self._factor(model.values) if isinstance(model, Matrix) else None
 
     def with_smoothing(self, smoothing: int) -> "NormOptimal":

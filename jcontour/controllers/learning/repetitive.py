@@ -28,7 +28,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour._arrays import is_concrete, ranked
+from jcontour._arrays import is_concrete, ranked, whole_number
 from jcontour.controller import Controller, Wrapper, check_axes, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
@@ -110,12 +110,10 @@ class RepetitiveFilter(eqx.Module):
     ):
         self.learning = ranked(learning, 1)
         self.smoothing = ranked(smoothing, 1)
-        self.period, self.lead = _whole("period", period), _whole("lead", lead)
+        self.period, self.lead = whole_number("period", period), whole_number("lead", lead)
         for name, taps in {"learning": self.learning, "smoothing": self.smoothing}.items():
             if taps.ndim != 1 or taps.size % 2 == 0:
                 raise ValueError(f"{name}: needs an odd number of taps, received {taps.shape}")
-        if lead < 0:
-            raise ValueError(f"lead: needs to be at least zero, received {lead}")
         if period <= self.ahead:
             raise ValueError(
                 f"period: needs to be longer than the {self.ahead} samples that the filters look "
@@ -180,7 +178,6 @@ class Repetitive(ErrorDriven):
     filter: RepetitiveFilter
 
     def initial_learned(self, axes: int) -> Period:
-        """Memory before the first sample."""
         return self.filter.start(axes)
 
     def step(
@@ -197,12 +194,6 @@ def moved_positions(measurement: Any, sensors: Sensors, shift: Float[Array, " m"
     """The measurement with other positions [m]; everything else in it stays."""
     flat, shaped = ravel_pytree(measurement)
     return shaped(flat.at[np.array(sensors.position)].add(shift / sensors.scale))
-
-
-def _whole(name: str, samples: int | float) -> int:
-    if not (np.isfinite(samples) and samples == int(samples)):
-        raise ValueError(f"{name}: needs a whole number of samples, received {samples}")
-    return int(samples)
 
 
 class Waves(NamedTuple):
@@ -286,7 +277,6 @@ class RunoutCancelled(ErrorDriven):
     canceller: Canceller
 
     def initial_learned(self, axes: int) -> Waves:
-        """Memory before the first sample."""
         return self.canceller.start(axes)
 
     def step(

@@ -10,7 +10,6 @@ controls beside the state, and cancels it; `IntegralLQG` has an integral instead
 
 import abc
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -222,7 +221,6 @@ class OffsetFreeWithLoad(_LoadObserver):
     def answer(
         self, inner: Any, plan: Any, known: DisturbedState
     ) -> tuple[Any, Float[Array, " p"]]:
-        """Answer of the wrapped controller."""
         return self.controller.step(inner, plan, known)
 
 
@@ -293,9 +291,8 @@ def offset_free_gain(
         ValueError: as `kalman_gain`.
     """
     A, C = with_disturbance(model, measured)
-    dtype = A.dtype
-    B = _random_walk(model.B)
-    noise = _joined(jnp.asarray(control_noise, dtype), jnp.asarray(drift, dtype), model.inputs)
+    sizes = (jnp.asarray(one, A.dtype) for one in (control_noise, drift))
+    B, noise = _random_walk(model.B, *sizes)
     return kalman_gain(LinearPlant(A, B, C, model.dt), noise, measurement_noise)
 
 
@@ -333,12 +330,8 @@ def _disturbed(A, B, C):
 
 
 @jax.jit
-def _random_walk(B: Float[Array, "n p"]) -> Float[Array, "both 2*p"]:
-    """Entries of the noises of control and drift."""
+def _random_walk(B: Float[Array, "n p"], control_noise: Array, drift: Array):
+    """Entries of the noises of control and drift, and their deviations."""
     n, p = B.shape
-    return jnp.zeros((n + p, 2 * p), B.dtype).at[:n, :p].set(B).at[n:, p:].set(jnp.eye(p))
-
-
-@partial(jax.jit, static_argnums=2)
-def _joined(control_noise, drift, inputs: int) -> Float[Array, " noises"]:
-    return jnp.concatenate([jnp.broadcast_to(size, (inputs,)) for size in (control_noise, drift)])
+    entries = jnp.zeros((n + p, 2 * p), B.dtype).at[:n, :p].set(B).at[n:, p:].set(jnp.eye(p))
+    return entries, jnp.concatenate([jnp.broadcast_to(one, (p,)) for one in (control_noise, drift)])

@@ -56,7 +56,7 @@ def without_doubles(strokes: Iterable[Stroke]) -> tuple[list[Stroke], int]:
     count = 0
     for stroke in strokes:
         count += 1
-        forwards = tuple(_place(point) for point in _points(stroke))
+        forwards = tuple((round(p.real / SAME), round(p.imag / SAME)) for p in _points(stroke))
         by_place.setdefault(min(forwards, forwards[::-1]), stroke)
     return list(by_place.values()), count - len(by_place)
 
@@ -194,10 +194,6 @@ def _points(stroke: Stroke) -> Iterable[Planar]:
     for segment, _ in stroke:
         yield segment.middle()
         yield segment.end
-
-
-def _place(point: Planar) -> tuple[int, int]:
-    return round(point.real / SAME), round(point.imag / SAME)
 
 
 def at_line(line: int) -> str:

@@ -229,10 +229,6 @@ def _point(point: Any) -> complex:
     return complex(point.x, point.y)
 
 
-def _path(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
-    return path_strokes(element.attributes.get("d", ""), element.line)
-
-
 def _rectangle(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
     from svgelements import Rect
 
@@ -278,7 +274,7 @@ def _polyline(element: Element, whole: tuple[float, float]) -> list[list[Segment
 
 # strokes of each shape within a viewport of a size
 SHAPES: dict[str, Callable[[Element, tuple[float, float]], list[list[Segment]]]] = {
-    "path": _path,
+    "path": lambda element, _: path_strokes(element.attributes.get("d", ""), element.line),
     "rect": _rectangle,
     "circle": _ellipse,
     "ellipse": _ellipse,

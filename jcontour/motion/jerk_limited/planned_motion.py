@@ -16,13 +16,12 @@ from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import positive
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.feed_laws import NEVER, Rests
+from jcontour.motion.feed_laws import NEVER, Rests, sample_count
 from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples, composed
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 SERIES = 1e-6  # of the argument: below, two terms are exact to rounding
-MOST_SAMPLES = 20_000_000
 AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way
 ROUNDING = 1e-6  # of a sample
 
@@ -146,11 +145,7 @@ class JerkLimitedMotion:
             ValueError: `dt` is not above zero, or there are more than 20 million samples.
         """
         steps = np.ceil((self.duration + rests.total) / positive("dt", dt) - ROUNDING)
-        if not steps < MOST_SAMPLES:
-            raise ValueError(
-                f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"
-            )
-        count = int(steps) + 1
+        count = sample_count(steps) + 1
         parts = [np.arange(k, min(k + AT_ONCE, count)) * dt for k in range(0, count, AT_ONCE)]
         arc = np.concatenate([self.at(rests.moving(part)).arc for part in parts])
         arc = np.maximum.accumulate(arc)

@@ -231,11 +231,6 @@ class Condensed:
         self._upper = np.concatenate([high, np.full(slacks, np.inf)])
         self._penalty = 0.0 if penalty is None else penalty
 
-    @property
-    def scale(self) -> float:
-        """Factor by which the cost is multiplied."""
-        return self.cost.scale
-
     def problem(self, s: Float[np.ndarray, " q"], window: Window, out: QP | None = None) -> QP:
         """The QP of a sample, from s = (x_0, u_{-1}, w, d) and the reference ahead.
 

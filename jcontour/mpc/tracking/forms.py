@@ -116,11 +116,9 @@ class _WholeState(Form):
         return np.asarray(dare(model.A, model.B, jnp.asarray(weight), jnp.asarray(R)))
 
     def terminal_maps(self, prediction):
-        """Maps to the last state."""
         return prediction.Fx[-1], prediction.Gx[-1]
 
     def terminal_target(self, motion, end, increment) -> Float[np.ndarray, "T t"]:
-        """States of a steady motion through the last samples."""
         return np.asarray(motion.state(jnp.asarray(end), jnp.asarray(increment)))
 
 
@@ -128,11 +126,9 @@ class AbsoluteForm(_WholeState):
     """The model as it is, fed its state."""
 
     def state(self, measurement) -> Float[np.ndarray, " n"]:
-        """The measurement is the state."""
         return measurement
 
     def disturbance(self, A, B, before, control, measurement) -> Disturbance:
-        """None: w = 0, d = 0."""
         return Disturbance(np.zeros(A.shape[0]), np.zeros(B.shape[1]))
 
 
@@ -153,11 +149,9 @@ class OffsetFreeForm(_WholeState):
     """
 
     def state(self, measurement: DisturbedState) -> Float[np.ndarray, " n"]:
-        """Estimate of the state."""
         return np.asarray(measurement.state)
 
     def disturbance(self, A, B, before, control, measurement: DisturbedState) -> Disturbance:
-        """Estimate of the load: w = 0."""
         return Disturbance(np.zeros(A.shape[0]), np.asarray(measurement.disturbance))
 
 
@@ -165,7 +159,6 @@ class VelocityForm(Form):
     """The changes: xi = (x_N - x_{N-1}, y_N), an integrator per output without an observer."""
 
     def state(self, measurement) -> Float[np.ndarray, " n"]:
-        """The measurement is the state."""
         return measurement
 
     def check_weights(self, R, S) -> None:
@@ -197,7 +190,6 @@ class VelocityForm(Form):
         return np.asarray(dare(*map(jnp.asarray, (changes, pushed, weight, S))))
 
     def terminal_maps(self, prediction):
-        """Maps to the last change of the state and the last output."""
         horizon, n, q = prediction.Fx.shape
         before = np.eye(n, q), np.zeros_like(prediction.Gx[-1])  # x_0, for a horizon of one
         if horizon > 1:
@@ -207,5 +199,4 @@ class VelocityForm(Form):
         return F, G
 
     def terminal_target(self, motion, end, increment) -> Float[np.ndarray, "T t"]:
-        """Steady changes, and the last samples."""
         return np.concatenate([increment @ np.asarray(motion.Sy).T, end], axis=1)

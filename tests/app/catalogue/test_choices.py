@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -30,11 +29,11 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.plain_numbers import WholePath
-from jcontour.controller import Controller
 from jcontour.motion.references import along, from_samples
 from jcontour.plants import Encoders
 from jcontour.simulation.closed_loop import prepared, simulate
 from tests.plants import first_machine
+from tests.small_loops import OnPositions
 from tuning.parameters import Weight
 
 THESIS_AXIS = Path(__file__).parents[3] / "jcontour" / "app" / "machines" / "thesis-axis.json"
@@ -154,26 +153,19 @@ def test_a_fault_in_a_maker_is_shown(monkeypatch):
         design_for(machine, Simulate(controller="cascade"))
 
 
-class Seen(Controller):
+class Seen(OnPositions):
     """Proportional loop of two axes.
 
     A controller that describes itself, without a design.
     """
 
     gain: float
-    preview: int = eqx.field(static=True)
     weights = (Weight("gain", "A/m"),)
     needs = Needs("a linear machine of two axes", "linear")
 
     @classmethod
     def for_model(cls, model, preview):
-        return cls(1.0, preview)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
+        return cls(1.0, preview=preview)
 
     def step(self, memory, plan, measurement):
         return memory, self.gain * (plan - measurement)

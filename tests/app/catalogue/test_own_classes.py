@@ -114,21 +114,9 @@ import jax.numpy as jnp
 import numpy as np
 from jcontour import LinearPlant
 from jcontour.plant import Plant
+from tests import small_loops
 
-class Sliding(Plant):
-    dt: float = 1e-3
-
-    def initial_state(self, position, increment):
-        return position, increment / self.dt
-
-    def step(self, state, control):
-        position, speed = state
-        speed = speed + self.dt * (control - speed * jnp.abs(speed))
-        return position + self.dt * speed, speed
-
-    def output(self, state):
-        return state[0]
-
+class Sliding(small_loops.Sliding):
     def measure(self, state):
         return state[0]
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.own_contracts import ContractError, check_controller, check_plant
-from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
+from tests.small_loops import OnPositions
 
 
 class Carriages(Plant):
@@ -36,15 +36,11 @@ class Carriages(Plant):
         return state[0]
 
 
-class Told(Controller):
+class Told(OnPositions):
     """A controller whose memory and step are given."""
 
     begin: Callable = eqx.field(static=True)
     then: Callable = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
 
     def initial_memory(self, reference):
         return self.begin()

@@ -24,11 +24,49 @@ EXAMPLE = str(Path(module.__file__).parents[1] / "machines" / "example.json")
 MACHINES = ("bridgeport", EXAMPLE, "flexible-axes", "gantry")
 ROUND = ["circle", "ellipse", "lemniscate"]
 FEED = 0.05  # [m/s] of contours that have no programme
+PREVIEW = 10
 
 
 @cache
 def pace_of(name):
     return Pace(machine_named(name), None, None)
+
+
+def moves_within(job, machine, speed, acceleration):
+    """Speeds and accelerations by differences; at corners, where the velocity jumps, speeds only.
+
+    Limits [m/s], [m/s^2] are None where there are none; beyond one it fails. Returned is the path
+    speed (T - 1,) [m/s].
+    """
+    dt = machine.model.dt
+    reference = job.reference(dt, PREVIEW)
+    assert reference.steps == job.steps
+    assert reference.position.shape == (job.steps + PREVIEW, machine.model.axes)
+    position = np.asarray(reference.position)
+    assert np.isfinite(position).all()
+    assert np.asarray(reference.mask)[: job.samples].any()
+    np.testing.assert_allclose(np.linalg.norm(reference.tangent, axis=1), 1.0, rtol=1e-9)
+    velocity = np.diff(position[: job.samples], axis=0) / dt
+    if speed is not None:
+        assert np.abs(velocity).max() <= speed * (1 + 1e-5)  # splines are fitted to 0.1 nm
+    passed = _corners_passed(job)
+    if acceleration is not None:
+        needed = np.abs(np.diff(velocity, axis=0)[~passed]) / dt
+        assert needed.max() <= acceleration * 1.02  # a feed law's nodes, and starts within a sample
+    return np.linalg.norm(velocity, axis=1)
+
+
+def _corners_passed(job):
+    """Whether a corner lies between the first and the last of every three samples."""
+    contour = job.contour
+    turned = corner_angles(contour)
+    starts = np.asarray(contour.start)
+    corners = np.roll(starts, -1)[: turned.size][turned > 1e-6]
+    if bool(contour.closed):
+        corners = np.concatenate([corners + lap * float(contour.length) for lap in range(4)])
+    before = np.searchsorted(corners, job.arc[:-2], side="left")
+    after = np.searchsorted(corners, job.arc[2:], side="right")
+    return after > before
 
 
 @pytest.fixture
@@ -62,7 +100,7 @@ def disc(radius, points=721):
         ("gantry", 100, 3000),
     ],
 )
-def test_size_feed_and_samples_of_a_part(part, moves_within, name, size, feed):
+def test_size_feed_and_samples_of_a_part(part, name, size, feed):
     pace, job = pace_of(name), part(slot(size, feed), machine=name)
     machine, held_out = pace.machine, held_out_like([job], pace)
     limits = machine.limits
@@ -133,7 +171,7 @@ def test_large_and_slow_parts_have_short_contours(part, points, least):
 
 
 @pytest.mark.parametrize("name", [name for name in MACHINES if name != EXAMPLE])
-def test_parts_at_constant_feed_have_contours_at_constant_feed(name, moves_within):
+def test_parts_at_constant_feed_have_contours_at_constant_feed(name):
     pace = pace_of(name)
     machine = pace.machine
     jobs = [BUILT_IN[one](pace) for one in machine.usual.training]

@@ -28,26 +28,19 @@ EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
 SQUARE = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]  # [m]
 
 
-def test_a_program_that_takes_for_ever(tmp_path):
+@pytest.mark.parametrize(
+    ("moves", "where"),
+    [
+        ("X90000 F0.1", r"slow\.ngc: line 2: {}; that is more"),
+        ("Z-90000 F0.1\nX2 F600", r"line 1: {}, 5\.4e\+07 s of it while Z"),
+    ],
+)
+def test_a_program_that_takes_for_ever(tmp_path, moves, where):
     path = tmp_path / "slow.ngc"
-    path.write_text("G1 X1 F600\nX90000 F0.1\n")
-    pace = Pace(MACHINES["bridgeport"](), None, None)
-    message = (
-        r"slow\.ngc: line 2: the program takes 5\.4e\+07 s at least, longest here; that is more"
-    )
+    path.write_text(f"G1 X1 F600\n{moves}\n")
+    message = where.format(r"the program takes 5\.4e\+07 s at least, longest here")
     with pytest.raises(ToolpathError, match=message):
-        from_file(path, pace)
-
-
-def test_a_plunge_that_takes_for_ever_is_told(tmp_path):
-    path = tmp_path / "slow.ngc"
-    path.write_text("G1 X1 F600\nZ-90000 F0.1\nX2 F600\n")
-    pace = Pace(MACHINES["bridgeport"](), None, None)
-    message = (
-        r"line 1: the program takes 5\.4e\+07 s at least, longest here, 5\.4e\+07 s of it while Z"
-    )
-    with pytest.raises(ToolpathError, match=message):
-        from_file(path, pace)
+        from_file(path, Pace(MACHINES["bridgeport"](), None, None))
 
 
 def test_a_turn_that_no_motion_can_follow_is_told_with_its_line(tmp_path, monkeypatch):

@@ -1,4 +1,3 @@
-import io
 import json
 from pathlib import Path
 
@@ -269,14 +268,4 @@ def test_mutated_bytes(data):
     content = bytearray(EXAMPLE.read_bytes())
     for _ in range(data.draw(st.integers(1, 3))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    valid_or_ours(bytes(content))
-
-
-@settings(max_examples=30)
-@given(st.data())
-def test_mutated_archives(data):
-    buffer = io.BytesIO()
-    np.savez(buffer, **{key: np.array(FIELDS[key]) for key in ("A", "B", "C", "dt")})
-    content = bytearray(buffer.getvalue())
-    content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     valid_or_ours(bytes(content))

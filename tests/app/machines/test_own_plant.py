@@ -7,24 +7,7 @@ import pytest
 from jcontour.app.files.machine_file import StatedFields
 from jcontour.app.files.schema import read
 from jcontour.app.machines.own_plant import axes_of, machine_of
-from jcontour.plant import Plant
-
-
-class Sliding(Plant):
-    """Axes of 1 kg under air drag, v' = u - |v| v; the state is a tuple."""
-
-    dt: float = 1e-3
-
-    def initial_state(self, position, increment):
-        return position, increment / self.dt
-
-    def step(self, state, control):
-        position, speed = state
-        speed = speed + self.dt * (control - speed * jnp.abs(speed))
-        return position + self.dt * speed, speed
-
-    def output(self, state):
-        return state[0]
+from tests.small_loops import Sliding
 
 
 class Single(Sliding):

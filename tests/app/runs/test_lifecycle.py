@@ -98,22 +98,9 @@ def test_a_plant_without_a_usual_controller_is_ranked_with_the_own_one_alone(tmp
 
 
 PLANT = """
-from jcontour.plant import Plant
+from tests.small_loops import Sliding
 
-class Mass(Plant):
-    dt: float = 1e-3
-
-    def initial_state(self, position, increment):
-        return position, increment / self.dt
-
-    def step(self, state, control):
-        position, speed = state
-        speed = speed + self.dt * (control - speed * abs(speed))
-        return position + self.dt * speed, speed
-
-    def output(self, state):
-        return state[0]
-
+class Mass(Sliding):
     def measure(self, state):
         return state[0]
 """

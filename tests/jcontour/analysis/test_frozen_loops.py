@@ -11,6 +11,7 @@ from jcontour.mpc.tracking.limits import Limits
 from jcontour.plants.actuation import Delayed, Saturated
 from jcontour.plants.encoders import Encoders
 from jcontour.sensors import motors
+from tests.jcontour.analysis.given_loops import Law, plant_of
 
 
 def matrices(*shapes):
@@ -19,12 +20,12 @@ def matrices(*shapes):
 
 
 @pytest.mark.slow
-def test_a_linear_loop_is_its_own_linearisation(given_law, linear_machine):
+def test_a_linear_loop_is_its_own_linearisation():
     A, B, C = matrices((4, 4), (4, 2), (2, 4))
     W, E, K, D = law = matrices((3, 3), (3, 2), (2, 3), (2, 2))
-    plant = Encoders(linear_machine(A, B, C))
+    plant = Encoders(plant_of(A, B, C))
     state, memory = (jnp.ones(size) for size in (4, 3))
-    loop = frozen_loop(plant, given_law(*law), None, state, memory)
+    loop = frozen_loop(plant, Law(*law), None, state, memory)
     for actual, wanted in zip((*loop.machine, *loop.law), (A, B, C, *law), strict=True):
         np.testing.assert_allclose(actual, wanted)
     closed = np.block([[A + B @ D @ C, B @ K], [E @ C, W]])
@@ -41,27 +42,27 @@ def test_a_linear_loop_is_its_own_linearisation(given_law, linear_machine):
 
 
 @pytest.mark.slow
-def test_counters_do_not_move(given_law, linear_machine):
+def test_counters_do_not_move():
     """The tap of a delay line is a whole number; the places of the line are states."""
     A, B, C, D = matrices((4, 4), (4, 2), (2, 4), (2, 2))
-    plant = Delayed(Encoders(linear_machine(A, B, C)), jnp.asarray(1), 2, 2)
+    plant = Delayed(Encoders(plant_of(A, B, C)), jnp.asarray(1), 2, 2)
     state = plant.initial_state(jnp.zeros(2), jnp.zeros(2))
-    loop = frozen_loop(plant, given_law.static(D), None, state, jnp.zeros(0))
+    loop = frozen_loop(plant, Law.static(D), None, state, jnp.zeros(0))
     assert loop.machine.A.shape == (8, 8) and loop.law.W.shape == (0, 0)
     np.testing.assert_allclose(loop.machine.A[:4, 4:6], B)
     np.testing.assert_array_equal(loop.machine.B[:4], 0.0)
 
 
-def test_limits_are_lifted_and_nothing_else(linear_machine):
+def test_limits_are_lifted_and_nothing_else():
     A, B, C = matrices((4, 4), (4, 2), (2, 4))
-    plant = unlimited(Saturated(linear_machine(A, B, C), np.ones(2)))
+    plant = unlimited(Saturated(plant_of(A, B, C), np.ones(2)))
     assert np.isinf(plant.limit).all() and np.array_equal(plant.plant.A, A)
     cascade = unlimited(Cascade(CascadeGains(1.0, 2.0, 3.0), motors(2), 1e-3, limit=5.0))
     assert np.isinf(cascade.limit) and float(cascade.gains.integral_time) == 3.0
 
 
-def test_limits_that_are_planned_for_are_lifted(linear_machine):
-    model = linear_machine(*matrices((4, 4), (4, 2), (2, 4)))
+def test_limits_that_are_planned_for_are_lifted():
+    model = plant_of(*matrices((4, 4), (4, 2), (2, 4)))
     limits = Limits.within(control=1.0, speed=2.0)
     planning = ConstrainedLQ(model, LQWeights(3.0, 5.0, 2e-9), 3, limits)
     assert len(planning.rows.D) == 4

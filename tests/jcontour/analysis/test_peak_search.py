@@ -15,6 +15,13 @@ from jcontour.plants.actuation import Delayed
 from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.evaluation import stack_plants
+from tests.jcontour.analysis.given_loops import (
+    Law,
+    loop_peaks,
+    peaks_by_control,
+    plant_of,
+    straight_window,
+)
 
 
 def random_loop(random, axes, states=4):
@@ -31,28 +38,26 @@ def random_loop(random, axes, states=4):
 
 
 @pytest.mark.parametrize("axes", [1, 2])
-def test_peaks_are_those_of_python_control(
-    axes, given_law, control_peaks, linear_machine, straight_window, loop_peaks
-):
+def test_peaks_are_those_of_python_control(axes):
     random, windows = np.random.default_rng(axes), straight_window(axes)
     for _ in range(3):
         matrices, law = random_loop(random, axes)
-        family = stack_plants([Encoders(linear_machine(*matrices))])
-        actual = loop_peaks(family, given_law(*law), windows)
+        family = stack_plants([Encoders(plant_of(*matrices))])
+        actual = loop_peaks(family, Law(*law), windows)
         P, K = control.ss(*matrices, 0, 1e-3), control.ss(*law, 1e-3)
-        Ms, Mt = control_peaks(P, K).max(axis=0)
+        Ms, Mt = peaks_by_control(P, K).max(axis=0)
         assert actual.sensitivity[0, 0] == pytest.approx(Ms, rel=1e-6)
         assert actual.complementary[0, 0] == pytest.approx(Mt, rel=1e-6)
 
 
-def test_integrators_have_closed_forms(linear_machine, given_law, straight_window, loop_peaks):
+def test_integrators_have_closed_forms():
     """Ms of x+ = x - g u is 2 / (2 - g), at half the sampling frequency.
 
     One sample late it is 1 / ((1 - s) sqrt(1 + 2 s)), s = sqrt(g). Mt is 1, at standstill.
     """
-    integrators = linear_machine(np.eye(2), np.eye(2), np.eye(2))
+    integrators = plant_of(np.eye(2), np.eye(2), np.eye(2))
     family = [Delayed(Encoders(integrators), jnp.asarray(delay), 1, 2) for delay in (0, 1)]
-    law = given_law.static([[-0.3, 0.0], [0.0, -0.2]])
+    law = Law.static([[-0.3, 0.0], [0.0, -0.2]])
     actual = loop_peaks(stack_plants(family), law, straight_window(2))
     s = np.sqrt(0.3)
     late = 1 / ((1 - s) * np.sqrt(1 + 2 * s))
@@ -63,9 +68,7 @@ def test_integrators_have_closed_forms(linear_machine, given_law, straight_windo
 
 @pytest.mark.parametrize("inside", [1e-3, 1e-5, 1e-7])
 @pytest.mark.parametrize("angle", [0.003, 0.7654321, 3.0])
-def test_a_narrow_resonance_is_not_missed(
-    inside, angle, linear_machine, given_law, straight_window, loop_peaks
-):
+def test_a_narrow_resonance_is_not_missed(inside, angle):
     """S = (z^2 - 2 q cos(a) z + q^2) / (z^2 - 2 r cos(a) z + r^2) with r close to 1."""
 
     def pair(r):
@@ -73,8 +76,8 @@ def test_a_narrow_resonance_is_not_missed(
 
     opened, closed = 1 - 100 * inside, 1 - inside
     change = (pair(closed) - pair(opened))[:1]
-    plant = linear_machine(pair(opened), np.array([[1.0], [0.0]]), change)
-    law, family = given_law.static([[1.0]]), stack_plants([Encoders(plant)])
+    plant = plant_of(pair(opened), np.array([[1.0], [0.0]]), change)
+    law, family = Law.static([[1.0]]), stack_plants([Encoders(plant)])
     actual = loop_peaks(family, law, straight_window(1))
     w = angle + inside * np.linspace(-5, 5, 20001)
     z = np.exp(1j * w)
@@ -86,21 +89,19 @@ def test_a_narrow_resonance_is_not_missed(
     assert actual.sensitivity[0, 0] == pytest.approx(wanted, rel=1e-6 + 1e-16 / inside**2)
 
 
-def test_speeds_by_difference_change_with_the_positions(
-    linear_machine, control_peaks, straight_window, loop_peaks
-):
+def test_speeds_by_difference_change_with_the_positions():
     """A cascade on two coupled axes, where input and output differ, by python-control."""
     A = np.array([[1, 0, 8e-4, 1e-4], [0, 1, 0, 9e-4], [0, 0, 0.6, 0.1], [0, 0, 0, 0.8]])
     B = np.array([[2e-4, 0], [0, 3e-4], [0.4, 0.1], [0, 0.05]])
     dt, k_p, k_v, T_i = 1e-3, np.array([60.0, 15.0]), 0.5, 0.02
-    plant = FineEncoders(linear_machine(A, B, np.eye(2, 4)), Sensors([0, 1]))
+    plant = FineEncoders(plant_of(A, B, np.eye(2, 4)), Sensors([0, 1]))
     cascade = Cascade(CascadeGains(k_p, k_v, T_i), motors(2), dt)
     actual = loop_peaks(stack_plants([plant]), cascade, straight_window(2, preview=1))
     z = control.tf([1, 0], [1], dt)
     one, other = (
         control.ss(-k_v * (1 + dt / T_i * z / (z - 1)) * (k + (1 - 1 / z) / dt)) for k in k_p
     )
-    peaks = control_peaks(control.ss(A, B, np.eye(2, 4), 0, dt), control.append(one, other))
+    peaks = peaks_by_control(control.ss(A, B, np.eye(2, 4), 0, dt), control.append(one, other))
     assert abs(peaks[0] - peaks[1]).max() > 1e-3  # the output does count
     assert actual.sensitivity[0, 0] == pytest.approx(peaks[:, 0].max(), rel=1e-6)
     assert actual.complementary[0, 0] == pytest.approx(peaks[:, 1].max(), rel=1e-6)

@@ -26,6 +26,13 @@ from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis, 
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tests.jcontour.analysis.given_loops import (
+    Law,
+    loop_peaks,
+    plant_of,
+    samples_of,
+    straight_window,
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,15 +45,13 @@ def law(two_axes):
     return ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
 
 
-def test_an_unstable_loop_has_infinite_peaks_and_a_radius(
-    linear_machine, given_law, straight_window
-):
-    integrators = linear_machine(np.eye(2), np.eye(2), np.eye(2))
+def test_an_unstable_loop_has_infinite_peaks_and_a_radius():
+    integrators = plant_of(np.eye(2), np.eye(2), np.eye(2))
     windows, family = straight_window(2), stack_plants([Encoders(integrators)])
     encoding = encoding_of(family, windows)
 
     def measures(gain):
-        law = given_law.static(np.diag([-gain, -0.5]))
+        law = Law.static(np.diag([-gain, -0.5]))
         loops = jax.device_get(frozen_family(family, law, windows))
         return jax.tree.map(lambda one: one[0, 0], loop_measures(loops, encoding))
 
@@ -60,7 +65,7 @@ def test_an_unstable_loop_has_infinite_peaks_and_a_radius(
 
 
 @pytest.mark.slow
-def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent, samples_of, loop_peaks):
+def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
     observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     windows = probe_windows(stack_references([bent]), 4)
     samples = samples_of(windows, bent)
@@ -75,9 +80,7 @@ def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent, sampl
 
 
 @pytest.mark.slow
-def test_a_state_that_is_measured_counts_at_the_input_alone(
-    two_axes, law, bent, samples_of, loop_peaks
-):
+def test_a_state_that_is_measured_counts_at_the_input_alone(two_axes, law, bent):
     """I - F (zI - A + B F)^-1 B, by NumPy."""
     windows, family = probe_windows(stack_references([bent]), 1), stack_plants([two_axes])
     F = np.asarray(prepared(law, bent).F)[samples_of(windows, bent)[0]]
@@ -131,7 +134,7 @@ def square(side):
 
 
 @pytest.fixture
-def probed(samples_of):
+def probed():
     """(references, count) -> samples of the probes, contour by contour."""
 
     def of(references, count):

@@ -19,7 +19,6 @@ from jcontour.analysis.stability import (
     late_measures,
     margins,
 )
-from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
@@ -32,20 +31,14 @@ from jcontour.plants.actuation import Delayed, Saturated
 from jcontour.plants.encoders import Encoders
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import prepared
+from tests.small_loops import OnPositions
 
 
-class Proportional(Controller):
+class Proportional(OnPositions):
     """u = gain (y_d - x) for an integrator whose state is its position."""
 
     gain: Any
     limit: float = np.inf
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
 
     def step(self, memory, plan, measurement):
         return None, jnp.clip(self.gain * (plan - measurement), -self.limit, self.limit)

@@ -8,7 +8,6 @@ from jcontour._arrays import placed
 from jcontour.bounds.affine import NotAffine
 from jcontour.bounds.disturbed_loop import Box, UnstableLoop, check_planless, disturbed_loop
 from jcontour.bounds.peak_bounds import peak_bounds
-from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import polygon
@@ -18,6 +17,7 @@ from jcontour.mpc.tracking.limits import Limits
 from jcontour.plants.actuation import Delayed, Disturbed, PartlyDelayed
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.simulation.closed_loop import simulate
+from tests.small_loops import OnPositions
 
 slow = pytest.mark.slow
 STEPS = 60
@@ -25,15 +25,11 @@ MOVING = 40  # samples before an integral is held
 CORNER = polygon([[0.0, 0.0], [1e-3, 0.0], [1e-3, 1e-3]])
 
 
-class OnPosition(Controller):
+class OnPosition(OnPositions):
     """u = -gain (e + 0.1 m), e any function of the error; m(k+1) = e + N m, N not symmetric."""
 
     gain: float = 150.0
     law: str = "linear"
-    preview: int = 1
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
 
     def initial_memory(self, reference):
         return jnp.zeros(reference.position.shape[1])

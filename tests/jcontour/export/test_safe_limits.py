@@ -1,14 +1,13 @@
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jcontour import contours, feed_laws, references
-from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.export.safe_limits import memory_limits
 from jcontour.sensors import Sensors, motors
+from tests.small_loops import OnPositions
 
 DT = 1e-3
 
@@ -36,14 +35,10 @@ def test_the_integrators_of_a_cascade_are_kept_and_its_last_positions_are_not():
     assert exact and one is not None and one.tolist() == [np.inf, np.inf, np.inf, 7.0]
 
 
-class Stopped(Controller):
+class Stopped(OnPositions):
     """An integrator that stands still while the control is at its limit."""
 
     limit: jax.Array
-    preview: int = eqx.field(static=True, default=1)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
 
     def initial_memory(self, reference):
         return jnp.zeros(2)

@@ -113,8 +113,8 @@ def test_an_unsolved_step_stops_the_run_and_keeps_what_there_is():
     assert (
         stopped.step == 5 and stopped.cause.step == 5 and stopped.cause.qp.upper.tolist() == [-1.0]
     )
-    same(stopped.rollout.control, np.asarray(wanted.control)[:5])
-    same(stopped.rollout.final_state, np.asarray(wanted.state)[5])
+    same(stopped.run.rollout.control, np.asarray(wanted.control)[:5])
+    same(stopped.run.rollout.final_state, np.asarray(wanted.state)[5])
     assert stopped.run.report.active.shape == (5,)
 
 
@@ -126,7 +126,7 @@ def test_hold_repeats_the_last_control_and_is_counted():
     same(control[5:7], np.repeat(control[4:5], 2, axis=0))
     with pytest.raises(Stopped) as caught:
         reported_loop(plant, Affine(controller, failing=(0,)), on_circle(), fallback="hold")
-    assert caught.value.step == 0 and caught.value.rollout.output.shape == (0, 2)
+    assert caught.value.step == 0 and caught.value.run.rollout.output.shape == (0, 2)
 
 
 def test_soft_solves_again():

@@ -102,7 +102,7 @@ def test_zeros_are_sorted():
     ringing = sorted_zeros(transfer, ringing=0.6)
     np.testing.assert_allclose(ringing.cancellable.real, [1.25], rtol=1e-9)
     assert ringing.unstable.size == 5
-    np.testing.assert_allclose(transfer.poles, [2.0])
+    np.testing.assert_allclose(transfer.poles_z, [0.5])
 
 
 @pytest.mark.parametrize("other", [[1.0], [1.0, 0.7], [1.0, -0.7], [1.0, 1.6], [1.0, 0.2, 0.6]])

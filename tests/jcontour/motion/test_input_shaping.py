@@ -18,7 +18,7 @@ CLOSED = {
 def residual(shaper, frequency, damping=0.0):
     """V of the module, for modes w and zeta of one shape."""
     w, zeta = np.broadcast_arrays(np.asarray(frequency, float), damping)
-    since = np.asarray(shaper.times) - float(shaper.duration)
+    since = np.asarray(shaper.times) - float(shaper.times[-1])
     left = np.exp(np.multiply.outer(w * (zeta + 1j * np.sqrt(1 - zeta**2)), since))
     return np.abs(left @ np.asarray(shaper.amplitudes))
 

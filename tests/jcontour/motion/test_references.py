@@ -276,7 +276,7 @@ def test_a_preview_is_a_whole_number_of_samples(preview):
         lambda: along(path, [0.0, 1e-4], DT, preview, at_rest=False),
         lambda: in_time(path, lambda t: t, 0.01, DT, preview),
     ):
-        words = f"preview: needs a whole number of samples, at least zero, received {preview}"
+        words = f"preview: needs a whole number of at least 0, received {preview}"
         with pytest.raises((ValueError, TypeError), match=f"{words}|{CHECKED}"):
             make()
 

@@ -10,18 +10,19 @@ from jcontour.qp import interior_point
 from jcontour.qp.interior_point import SOLVED, solve
 from jcontour.qp.solvers import DAQP
 from jcontour.qp.staged import Limits, Point, StagedQP
+from tests.jcontour.qp.problems import condensed, kkt, one_of, staged_problems
 
 SIZES = {"stages": 6, "states": 4, "controls": 2}
 many, single = jax.jit(jax.vmap(solve)), jax.jit(solve)
 
 
 @pytest.fixture(scope="module")
-def boxed(staged_problems):
+def boxed():
     return staged_problems(2, 16, **SIZES)
 
 
 @pytest.fixture(scope="module")
-def limited(staged_problems):
+def limited():
     return staged_problems(3, 16, **SIZES, rows=3)
 
 
@@ -42,7 +43,7 @@ def controls_of(answer, qp):
 @pytest.mark.parametrize(
     "kind", [pytest.param("boxed", marks=pytest.mark.slow), "limited", "giving"]
 )
-def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
+def test_answers_are_those_of_daqp(kind, request):
     qp = request.getfixturevalue(kind)
     actual = jax.device_get(many(qp))
     assert actual.solved.all() and float(actual.residual.max()) <= SOLVED
@@ -62,7 +63,7 @@ def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
     assert (float(actual.beyond.max()) > 0.1) is (kind == "giving")
 
 
-def test_conditions_of_optimality_hold_in_numpy(limited, kkt):
+def test_conditions_of_optimality_hold_in_numpy(limited):
     actual = jax.device_get(many(limited))
     assert kkt(limited, controls_of(actual, limited), actual.multipliers).max() <= SOLVED
 
@@ -78,7 +79,7 @@ def test_what_gives_way_is_paid_with_its_weight():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
-def test_of_a_thousand_random_problems_none_is_wrong_without_a_flag(seed, staged_problems, kkt):
+def test_of_a_thousand_random_problems_none_is_wrong_without_a_flag(seed):
     """Costs in any unit; four sizes, with and without rows of states."""
     kind, random = seed % 4, np.random.default_rng(seed)
     size = {"stages": 5 * kind + 5, "states": 2 * kind + 2, "controls": kind % 3 + 1, "rows": kind}
@@ -97,7 +98,7 @@ def test_of_a_thousand_random_problems_none_is_wrong_without_a_flag(seed, staged
     assert np.count_nonzero(~solved) <= 1
 
 
-def test_without_an_active_limit_the_first_step_is_the_answer(boxed, one_of, condensed):
+def test_without_an_active_limit_the_first_step_is_the_answer(boxed):
     far = boxed._replace(lower=boxed.lower - 1e3, upper=boxed.upper + 1e3)
     actual = jax.device_get(many(far))
     dense, F, G = condensed(one_of(far, 3))
@@ -106,7 +107,7 @@ def test_without_an_active_limit_the_first_step_is_the_answer(boxed, one_of, con
     assert actual.solved.all() and not actual.iterations.any() and not actual.multipliers.any()
 
 
-def test_vmap_is_a_loop(giving, one_of):
+def test_vmap_is_a_loop(giving):
     """Each member alone: the iterations of the others change nothing."""
     together = many(giving)
     for k in (0, 5):
@@ -154,7 +155,7 @@ def test_what_has_no_answer_is_flagged_and_has_no_derivative(limited):
 
 
 @pytest.mark.parametrize("kind", ["limited", pytest.param("giving", marks=pytest.mark.slow)])
-def test_derivatives_are_those_of_differences(kind, request, one_of):
+def test_derivatives_are_those_of_differences(kind, request):
     """Along a random direction of every number, both modes, away from changes of the active set."""
     qp = one_of(request.getfixturevalue(kind), 6)  # one that no full box holds beyond its limits
     random = np.random.default_rng(6)
@@ -204,7 +205,7 @@ def test_beyond_a_limit_the_answer_moves_with_its_price():
 
 
 @pytest.mark.slow
-def test_at_a_change_of_the_active_set_the_derivative_is_between_its_sides(boxed, one_of):
+def test_at_a_change_of_the_active_set_the_derivative_is_between_its_sides(boxed):
     """The limit is put exactly where the answer without it is."""
     far = one_of(boxed, 0)
     far = far._replace(lower=far.lower - 30.0, upper=far.upper + 30.0)
@@ -225,7 +226,7 @@ def test_at_a_change_of_the_active_set_the_derivative_is_between_its_sides(boxed
     assert -1e-6 <= at <= free + 1e-6
 
 
-def test_equal_limits_fix_a_control(boxed, one_of, condensed):
+def test_equal_limits_fix_a_control(boxed):
     qp = one_of(boxed, 4)
     qp.lower[1, 0] = qp.upper[1, 0] = 0.2
     actual, (dense, _, _) = single(qp), condensed(qp)
@@ -235,7 +236,7 @@ def test_equal_limits_fix_a_control(boxed, one_of, condensed):
     )
 
 
-def test_the_symmetric_part_of_a_weight_counts(limited, one_of):
+def test_the_symmetric_part_of_a_weight_counts(limited):
     """Else a slope with one entry of a weight would be that of no cost."""
     qp = one_of(limited, 0)
     skew = np.triu(np.ones(qp.H.shape[1:]), 1)
@@ -249,12 +250,12 @@ def test_the_symmetric_part_of_a_weight_counts(limited, one_of):
     ("name", "value"),
     [("D", np.zeros((2, 6))), ("h_end", np.zeros(1)), ("upper", np.zeros((5, 5)))],
 )
-def test_arrays_that_do_not_fit_are_refused(limited, one_of, name, value):
+def test_arrays_that_do_not_fit_are_refused(limited, name, value):
     with pytest.raises(ValueError, match="needs shape"):
         solve(one_of(limited, 0)._replace(**{name: value}))
 
 
-def test_a_guess_of_another_type_is_converted_and_one_of_another_size_refused(limited, one_of):
+def test_a_guess_of_another_type_is_converted_and_one_of_another_size_refused(limited):
     qp = one_of(limited, 0)
     with pytest.raises(ValueError, match="guess"):
         solve(qp, placed(np.ones((1, 1))))

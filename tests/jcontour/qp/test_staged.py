@@ -7,6 +7,7 @@ import pytest
 
 from jcontour.qp import staged
 from jcontour.qp.staged import Trajectory
+from tests.jcontour.qp.problems import condensed, one_of, staged_problems
 
 resolved_step, costates, free_response, backward_sweep, rollout, gradient, forward_sweep = map(
     jax.jit,
@@ -28,7 +29,7 @@ def close(actual, wanted, tolerance=1e-10):
 
 
 @pytest.fixture(scope="module")
-def qp(staged_problems, one_of):
+def qp():
     return one_of(staged_problems(0, 1, stages=5, states=3, controls=2), 0)
 
 
@@ -55,7 +56,7 @@ def test_the_states_are_those_of_a_loop(qp, controls):
     close(end, x)
 
 
-def test_a_step_is_the_dense_minimum_and_another_slope_needs_no_other_factors(qp, condensed):
+def test_a_step_is_the_dense_minimum_and_another_slope_needs_no_other_factors(qp):
     dense, F, G = condensed(qp)
     z = -np.linalg.solve(dense.H, dense.g)
     start = rollout(qp, np.zeros((5, 2)))

@@ -13,69 +13,45 @@ from jcontour.riccati.receding_horizon import (
 )
 
 
-def test_gain_schedule_is_the_textbook_recursion_of_each_step():
+def horizon(samples, Q, y_d, R, H, g):
+    """Gains F, f of the first step of one horizon; Q and y_d of its samples but the first.
+
+    `samples` are A, B, C of each.
+    """
+    for (A, B, C), Q_j, y_j in zip(samples[:0:-1], Q[::-1], y_d[::-1], strict=True):
+        closed = A - B @ np.linalg.solve(B.T @ H @ B + R, B.T @ H @ A)
+        g = closed.T @ g - C.T @ Q_j @ y_j
+        H = A.T @ H @ closed + C.T @ Q_j @ C
+    A, B, _ = samples[0]
+    M = B.T @ H @ B + R
+    return np.linalg.solve(M, B.T @ H @ A), -np.linalg.solve(M, B.T @ g)
+
+
+@pytest.mark.parametrize(
+    ("plan_of", "changing"), [(receding_horizon_plan, False), (readable_plan, True)]
+)
+def test_gain_schedule_is_the_textbook_recursion_of_each_step(plan_of, changing):
     """eqs. 11-13 with a plain loop, one step of the run after the other."""
     random = np.random.default_rng(5)
     T, N, n, m, p = 6, 5, 5, 3, 2
-    A, B, C = (random.standard_normal(shape) for shape in ((n, n), (n, p), (m, n)))
+    models = [random.standard_normal((T + N, *shape)) for shape in ((n, n), (n, p), (m, n))]
+    if changing:
+        model = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))(*models)
+    else:
+        models = [np.broadcast_to(M[0], M.shape) for M in models]
+        model = LinearPlant(*(M[0] for M in models), 1.0)
     root, y_d = random.standard_normal((T + N, m, m)), random.standard_normal((T + N, m))
     Q, stage, R = root @ np.swapaxes(root, 1, 2), random.uniform(0.5, 2, N), np.diag([0.7, 1.3])
     H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
     g_N = random.standard_normal((T, n))
-    arrays, terminal = (Q, y_d, stage, R), CostToGo(H_N, g_N)
-    plan = jax.device_get(
-        eqx.filter_jit(receding_horizon_plan)(LinearPlant(A, B, C, 1.0), *arrays, terminal)
-    )
+    terminal = CostToGo(H_N, g_N)
+    plan = jax.device_get(eqx.filter_jit(plan_of)(model, Q, y_d, stage, R, terminal))
     for k in range(T):
-        H, g = H_N[k], g_N[k]
-        for j in range(N - 1, 0, -1):
-            K = np.linalg.solve(B.T @ H @ B + R, B.T @ H @ A)
-            Q_j = stage[j - 1] * Q[k + j]
-            g = (A - B @ K).T @ g - C.T @ Q_j @ y_d[k + j]
-            H = A.T @ H @ (A - B @ K) + C.T @ Q_j @ C
-        M = np.linalg.inv(B.T @ H @ B + R)
-        np.testing.assert_allclose(plan.F[k], M @ B.T @ H @ A, rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(plan.f[k], -M @ B.T @ g, rtol=1e-9, atol=1e-10)
-
-
-def test_scheduled_gains_take_the_model_of_each_sample():
-    """The same recursion with A, B, C of sample k + j."""
-    random = np.random.default_rng(7)
-    T, N, n, m, p = 4, 5, 4, 2, 3
-    A, B, C = (random.standard_normal((T + N, *shape)) for shape in ((n, n), (n, p), (m, n)))
-    root, y_d = random.standard_normal((T + N, m, m)), random.standard_normal((T + N, m))
-    Q, stage, R = (
-        root @ np.swapaxes(root, 1, 2),
-        random.uniform(0.5, 2, N),
-        np.diag([0.7, 1.3, 2.0]),
-    )
-    H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
-    g_N = random.standard_normal((T, n))
-    arrays, terminal = (Q, y_d, stage, R), CostToGo(H_N, g_N)
-    models = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))
-    models = eqx.filter_jit(models)(A, B, C)
-    plan = jax.device_get(eqx.filter_jit(readable_plan)(models, *arrays, terminal))
-    for k in range(T):
-        H, g = H_N[k], g_N[k]
-        for j in range(N - 1, 0, -1):
-            A_j, B_j, C_j, Q_j = A[k + j], B[k + j], C[k + j], stage[j - 1] * Q[k + j]
-            K = np.linalg.solve(B_j.T @ H @ B_j + R, B_j.T @ H @ A_j)
-            g = (A_j - B_j @ K).T @ g - C_j.T @ Q_j @ y_d[k + j]
-            H = A_j.T @ H @ (A_j - B_j @ K) + C_j.T @ Q_j @ C_j
-        M = np.linalg.inv(B[k].T @ H @ B[k] + R)
-        np.testing.assert_allclose(plan.F[k], M @ B[k].T @ H @ A[k], rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(plan.f[k], -M @ B[k].T @ g, rtol=1e-9, atol=1e-10)
-
-
-def horizon(model, Q, y_d, R, H, g):
-    """Gains F, f of the first step of one horizon; Q and y_d of its samples but the last."""
-    A, B, C = (np.asarray(M) for M in (model.A, model.B, model.C))
-    for Q_j, y_j in zip(Q[::-1], y_d[::-1], strict=True):
-        closed = A - B @ np.linalg.solve(B.T @ H @ B + R, B.T @ H @ A)
-        g = closed.T @ g - C.T @ Q_j @ y_j
-        H = A.T @ H @ closed + C.T @ Q_j @ C
-    M = B.T @ H @ B + R
-    return np.linalg.solve(M, B.T @ H @ A), -np.linalg.solve(M, B.T @ g)
+        samples, ahead = [*zip(*models, strict=True)][k : k + N], slice(k + 1, k + N)
+        weights = stage[: N - 1, None, None] * Q[ahead]
+        F, f = horizon(samples, weights, y_d[ahead], R, H_N[k], g_N[k])
+        np.testing.assert_allclose(plan.F[k], F, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(plan.f[k], f, rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -101,6 +77,7 @@ def test_every_step_is_a_horizon_up_to_the_end_of_its_block(coupled_plant, steps
     actual = jax.device_get(swept(plant, Q, y_d, R, terminal, preview))
     for k, last in enumerate(ends):
         ahead, end = slice(k + 1, last), last - preview
-        F, f = horizon(plant, Q[ahead], y_d[ahead], R, H[end], g[end])
+        samples = [tuple(map(np.asarray, (plant.A, plant.B, plant.C)))] * (last - k)
+        F, f = horizon(samples, Q[ahead], y_d[ahead], R, H[end], g[end])
         np.testing.assert_allclose(actual.F[k], F, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(actual.f[k], f, rtol=1e-9, atol=1e-12)

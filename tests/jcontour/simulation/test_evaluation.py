@@ -4,7 +4,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line, polyline
 from jcontour.linear.transformations import with_input_gains
@@ -25,6 +24,7 @@ from jcontour.simulation.evaluation import (
     stack_references,
 )
 from jcontour.simulation.metrics import score
+from tests.small_loops import Proportional
 
 WINDOW = (2, 8)
 CHECKED = "Type-check error"  # what a checker of annotations says
@@ -124,26 +124,11 @@ class Drives(Plant):
         return state
 
 
-class Follower(Controller):
-    """u = 50 (r - y), of which no field is an array either."""
-
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        return memory, 50.0 * (plan - measurement)
-
-
 @pytest.mark.parametrize(("count", "batching"), [(1, one_by_one), (3, all_at_once)])
 def test_plants_without_arrays_are_as_many_as_were_stacked(count, batching, references):
     runs = stack_references([references[0]])
-    actual = evaluate(stack_plants([Drives()] * count), Follower(), runs, batching=batching)
-    wanted = score(simulate(Drives(), Follower(), references[0]), references[0])
+    actual = evaluate(stack_plants([Drives()] * count), Proportional(50.0), runs, batching=batching)
+    wanted = score(simulate(Drives(), Proportional(50.0), references[0]), references[0])
     assert actual.rms_contour_error.shape == (1, count)
     np.testing.assert_allclose(actual.rms_contour_error, wanted.rms_contour_error, rtol=1e-12)
 
@@ -152,7 +137,7 @@ def test_plants_without_arrays_that_differ_or_are_not_stacked_are_refused(refere
     with pytest.raises(ValueError, match=r"number 1 differs from number 0 in dt, 0.002 and 0.001"):
         stack_plants([Drives(), Drives(2e-3)])
     with pytest.raises(ValueError, match=r"plants: needs a stack"):
-        evaluate(Drives(), Follower(), stack_references([references[0]]))
+        evaluate(Drives(), Proportional(50.0), stack_references([references[0]]))
 
 
 ARC = 1e-5 * np.arange(9)

@@ -100,7 +100,8 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         at = words.index("--out") if "--out" in words else len(words)
         tried, margins, drives = [], [], {}
         if tuned is not None:
-            tried = _tried(folder)
+            if (path := folder / "history.json").exists():
+                tried = from_json(json.loads(path.read_text()), list[HistoryPoint])
             margins = [f"{name:<23}  {value}" for name, value in margin_rows(tuned.margins)]
         if tuned is not None and tuned.drive is not None:
             from jcontour.app.reports.drives import PRODUCTS, drive_gains
@@ -262,12 +263,6 @@ def _sensitivity(folder: Path) -> dict[str, Any] | None:
         "frequency": data["frequency"].tolist(),
         "designs": {str(design): packed(values) for design, values in designs},
     }
-
-
-def _tried(folder: Path) -> list[HistoryPoint]:
-    """Points that tuning tried; none where they are not stored."""
-    path = folder / "history.json"
-    return from_json(json.loads(path.read_text()), list[HistoryPoint]) if path.exists() else []
 
 
 def _points(result: Shown, tried: Sequence[HistoryPoint]) -> dict[str, Any] | None:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from itertools import product
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,7 +29,6 @@ from jcontour.app.runs.checks.trials import (
     standstill,
 )
 from jcontour.app.runs.tuning.limits import family_peaks
-from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
 from jcontour.linear.plant import LinearPlant
@@ -41,6 +39,7 @@ from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import member, stack_references
 from jcontour.simulation.metrics import score
 from tests.app.small_runs import partly
+from tests.small_loops import OnPositions, Proportional
 
 ROWS = 200
 PATHS = [
@@ -51,15 +50,11 @@ WIDE = Margins(0.9, np.array([[0.05, 20.0], [0.05, 3.0]]), np.array([[-1, -1], [
 FEW = 6
 
 
-class SlowIntegral(Controller):
+class SlowIntegral(OnPositions):
     """u = K (r - y) + w, w grows by k_i (r - y): pole of about 1 - k_i / K beside a zero there."""
 
     gain: jax.Array
     integral: float
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
 
     def initial_memory(self, reference):
         return jnp.zeros(2)
@@ -80,9 +75,9 @@ def plant():
 
 
 @pytest.mark.parametrize("gain", [1e-2, 1e-3, 1e-7])
-def test_a_gain_takes_the_tool_back_by_its_pole(plant, proportional, path, gain):
+def test_a_gain_takes_the_tool_back_by_its_pole(plant, path, gain):
     """Of two axes the slower: y(k+1) = (1 - K) y(k), a third is left after -1 / ln(1 - K)."""
-    samples = offset_lasts(plant, proportional(jnp.array([0.5, gain])), path)
+    samples = offset_lasts(plant, Proportional(jnp.array([0.5, gain])), path)
     assert samples == pytest.approx(-1 / np.log1p(-gain), rel=1e-6)
 
 
@@ -98,8 +93,8 @@ def test_a_slow_integral_is_no_drift(plant, path):
     assert samples == pytest.approx(wanted, rel=1e-3) and samples < 20
 
 
-def test_without_feedback_nothing_dies_out(plant, proportional, path):
-    assert offset_lasts(plant, proportional(jnp.array([0.5, 0.0])), path) == np.inf
+def test_without_feedback_nothing_dies_out(plant, path):
+    assert offset_lasts(plant, Proportional(jnp.array([0.5, 0.0])), path) == np.inf
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from jcontour.geometry.toolpaths import read_gcode
 from jcontour.linear.plant import LinearPlant
 from jcontour.plants.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants
+from tests.small_loops import Proportional
 
 DT = 1e-3
 
@@ -78,21 +79,21 @@ def samples_to_rest(gain):
     return count
 
 
-def test_a_run_is_held_until_the_slowest_tool_rests(proportional):
+def test_a_run_is_held_until_the_slowest_tool_rests():
     quick, slow = samples_to_rest(0.2), samples_to_rest(0.1)
     assert 20 < quick < slow < 100
-    assert settling(run(), drives(0.2), proportional(1.0), DT) == quick
-    assert settling(run(), drives(0.2, 0.1), proportional(1.0), DT) == slow
+    assert settling(run(), drives(0.2), Proportional(1.0), DT) == quick
+    assert settling(run(), drives(0.2, 0.1), Proportional(1.0), DT) == slow
 
 
 @pytest.mark.slow
-def test_a_trial_becomes_longer_until_the_end_of_it_is_at_rest(proportional):
+def test_a_trial_becomes_longer_until_the_end_of_it_is_at_rest():
     """At 1/80 a sample it takes 1.7 s, at 1/200 longer than is tried; a pole of -1.1 is lost."""
-    assert settling(run(), drives(0.0125), proportional(1.0), DT) == samples_to_rest(0.0125)
+    assert settling(run(), drives(0.0125), Proportional(1.0), DT) == samples_to_rest(0.0125)
     assert DT * samples_to_rest(0.0125) > 1.0
     assert DT * samples_to_rest(0.005) > MOST
-    assert settling(run(), drives(0.005), proportional(1.0), DT) is None
-    assert settling(run(), drives(2.1), proportional(1.0), DT) is None
+    assert settling(run(), drives(0.005), Proportional(1.0), DT) is None
+    assert settling(run(), drives(2.1), Proportional(1.0), DT) is None
 
 
 def test_the_last_sample_is_held_and_scored_as_it_is():

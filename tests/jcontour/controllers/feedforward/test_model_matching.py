@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from numpy.polynomial import polynomial
+from scipy.signal import lfilter
 
 from jcontour.controllers.feedforward.model_matching import (
     ModelMatching,
@@ -87,12 +88,23 @@ def pick_norm(problem: ModelMatching) -> float:
     return float(np.sqrt(scipy.linalg.eigh(B, A, eigvals_only=True)[-1]))
 
 
+def response(filter, points):
+    points = np.asarray(points)
+    return polynomial.polyval(points, filter.numerator) / polynomial.polyval(
+        points, filter.denominator
+    )
+
+
 def test_general_zeros_are_the_reference(general_problems):
     for problem, wanted in general_problems:
         actual = hinf_optimum(problem)
         assert actual.cost == pytest.approx(wanted["J_hinf"], rel=1e-8)
-        np.testing.assert_allclose(actual.samples(8), wanted["e_hinf_first8"], atol=1e-12)
-        modulus = np.abs(actual.response(CIRCLE))
+        np.testing.assert_allclose(
+            lfilter(actual.numerator, actual.denominator, np.eye(8)[0]),
+            wanted["e_hinf_first8"],
+            atol=1e-12,
+        )
+        modulus = np.abs(response(actual, CIRCLE))
         assert np.ptp(modulus) < 1e-12
         if "J_hinf_pick" in wanted and wanted["J_hinf_pick"] is not None:
             assert pick_norm(problem) == pytest.approx(wanted["J_hinf_pick"], rel=1e-8)
@@ -101,9 +113,9 @@ def test_general_zeros_are_the_reference(general_problems):
 def test_certificates_on_random_zeros(random_problems):
     for problem in random_problems:
         actual = hinf_optimum(problem)
-        np.testing.assert_allclose(np.abs(actual.response(CIRCLE)), actual.cost, rtol=1e-9)
+        np.testing.assert_allclose(np.abs(response(actual, CIRCLE)), actual.cost, rtol=1e-9)
         assert pick_norm(problem) == pytest.approx(actual.cost, rel=1e-9)
-        np.testing.assert_allclose(actual.response(problem.zeros), problem.values, atol=1e-8)
+        np.testing.assert_allclose(response(actual, problem.zeros), problem.values, atol=1e-8)
         poles = np.roots(actual.denominator[::-1])
         assert np.all(np.abs(poles) > 1)
 
@@ -111,15 +123,15 @@ def test_certificates_on_random_zeros(random_problems):
 def test_a_repeated_zero_meets_the_slope():
     problem = ModelMatching([0.4, 0.4], [0.0, 0.0, 0.0, 1.0])
     actual = hinf_optimum(problem)
-    ahead, behind = actual.response([0.4 + 1e-6, 0.4 - 1e-6])
+    ahead, behind = response(actual, [0.4 + 1e-6, 0.4 - 1e-6])
     assert np.real(ahead - behind) / 2e-6 == pytest.approx(3 * 0.4**2, rel=1e-8)
-    np.testing.assert_allclose(np.abs(actual.response(CIRCLE)), actual.cost, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(response(actual, CIRCLE)), actual.cost, rtol=1e-12)
 
 
 def test_a_constant_model_is_its_own_optimum():
     actual = hinf_optimum(ModelMatching([0.3, -0.5, 0.7], [2.0]))
     assert actual.cost == pytest.approx(2.0)
-    np.testing.assert_allclose(actual.response(CIRCLE), 2.0, rtol=1e-9)
+    np.testing.assert_allclose(response(actual, CIRCLE), 2.0, rtol=1e-9)
 
 
 def test_no_zero_and_nothing_to_follow():

@@ -22,7 +22,7 @@ from jcontour.controllers.feedforward.zpetc import (
 )
 from jcontour.geometry.contours import line
 from jcontour.linear.transfer_functions import from_polynomials
-from jcontour.motion.references import along
+from jcontour.motion.references import along, from_samples
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
@@ -149,8 +149,9 @@ def test_it_has_been_running_before_the_first_sample():
     samples = start + increment * count
     samples[401:] += random.standard_normal((29, 2))
     wanted = lfilter(TOP, BELOW, samples, axis=0)[400 + 3 :]
-    filter = PreviewFilter(TOP, BELOW, preview=3)
-    actual = eqx.filter_jit(filter.filtered)(samples[400:], increment)
+    still = from_samples(samples[400:], np.tile([1.0, 0.0], (30, 1)), 1e-3, 3, in_motion=False)
+    reference = eqx.tree_at(lambda one: one.start_increment, still, increment)
+    actual = eqx.filter_jit(PreviewFilter(TOP, BELOW, preview=3).of)(reference)
     # the long filter began with a jump 400 samples ago
     np.testing.assert_allclose(actual, wanted, rtol=1e-10, atol=1e-10)
 

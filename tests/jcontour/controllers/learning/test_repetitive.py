@@ -115,8 +115,8 @@ def test_the_plug_in_shifts_what_the_controller_reads():
     [
         ({"period": 10, "learning": np.ones(2)}, "learning: needs an odd number of taps"),
         ({"period": 10, "learning": 1.0, "smoothing": np.ones(4)}, "smoothing: needs an odd"),
-        ({"period": 10, "learning": 1.0, "lead": -1}, "lead: needs to be at least zero"),
-        ({"period": 500.7, "learning": 0.3}, "period: needs a whole number of samples"),
+        ({"period": 10, "learning": 1.0, "lead": -1}, "lead: needs a whole number of at least 0"),
+        ({"period": 500.7, "learning": 0.3}, "period: needs a whole number"),
         ({"period": 500, "learning": 0.3, "lead": 1.5}, "lead: needs a whole number"),
         ({"period": 5, "learning": 1.0, "lead": 4}, "period: needs to be longer than the 5"),
     ],

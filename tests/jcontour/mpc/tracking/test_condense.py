@@ -137,7 +137,7 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
 
     def quadratic(u):
         z = np.concatenate([u.ravel(), slack])
-        return (z @ qp.H @ z / 2 + qp.g @ z) / problem.scale
+        return (z @ qp.H @ z / 2 + qp.g @ z) / problem.cost.scale
 
     wanted = [cost_of(plant, known, u, Q, y_d, P, xi_d, R, S, stage) for u in (controls, other)]
     assert quadratic(controls) - quadratic(other) == pytest.approx(wanted[0] - wanted[1], rel=1e-10)

@@ -244,7 +244,7 @@ BAD = {
     "stage: needs 6 finite entries above zero": dict(
         weights=TrackingWeights(1.0, 0.0, 1.0, stage=np.ones(5))
     ),
-    "preview: needs a whole number of samples, at least one, received 0": dict(preview=0),
+    "preview: needs a whole number of at least 1, received 0": dict(preview=0),
     "penalty: needs to be finite": dict(penalty=-1.0),
 }
 

@@ -262,7 +262,7 @@ def test_bad_axes_are_named(ideal):
         FlexibleAxis(ideal(), 1.3e-4)
     for count in (0, 2.5):
         with pytest.raises(
-            ValueError, match=f"substeps: needs a whole number, at least one, received {count}"
+            ValueError, match=f"substeps: needs a whole number of at least 1, received {count}"
         ):
             FlexibleAxis(ideal(), DT, count)
     with pytest.raises(ValueError, match="dt"):

@@ -3,39 +3,33 @@
 from typing import Any
 
 import control
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.optimize import minimize_scalar
 
 from jcontour._arrays import placed
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks, probe_windows
-from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_references
+from tests.small_loops import OnPositions
 
 
-class Law(Controller):
+class Law(OnPositions):
     """w+ = W w + E y, u = K w + D y."""
 
     W: Any
     E: Any
     K: Any
     D: Any
-    preview: int = eqx.field(static=True, default=0)
 
     @classmethod
     def static(cls, D):
         D = jnp.asarray(D, float)
         p, q = D.shape
         return cls(np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), D)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
 
     def initial_memory(self, reference):
         return jnp.zeros(self.W.shape[0])
@@ -84,57 +78,27 @@ def peaks_by_control(P, K):
     return np.array(actual)
 
 
-@pytest.fixture(scope="session")
-def samples_of():
-    """(windows, reference) -> samples of one reference at which its windows begin."""
-
-    def of(windows, reference):
-        starts = np.asarray(windows.position)[:, None, 0]
-        away = np.linalg.norm(starts - np.asarray(reference.position)[: reference.steps], axis=2)
-        return away.argmin(axis=1)
-
-    return of
+def samples_of(windows, reference):
+    """Samples of one reference at which its windows begin."""
+    starts = np.asarray(windows.position)[:, None, 0]
+    away = np.linalg.norm(starts - np.asarray(reference.position)[: reference.steps], axis=2)
+    return away.argmin(axis=1)
 
 
-@pytest.fixture(scope="session")
-def given_law():
-    return Law
+def plant_of(A, B, C):
+    """Plant of these matrices; steady motions do not matter to a linear loop."""
+    nothing = placed(np.zeros((len(A), len(C))))
+    return LinearPlant(A, B, C, 1e-3, motion=SteadyMotion(nothing, nothing))
 
 
-@pytest.fixture(scope="session")
-def control_peaks():
-    return peaks_by_control
+def straight_window(axes, preview=0):
+    """One window of a straight line in motion."""
+    there = line(np.zeros(axes), np.full(axes, 1e-2))
+    run = along(there, 1e-5 * np.arange(4), 1e-3, preview, at_rest=False)
+    return probe_windows(stack_references([run]), 1)
 
 
-@pytest.fixture(scope="session")
-def linear_machine():
-    """(A, B, C) -> plant; steady motions do not matter to a linear loop."""
-
-    def of(A, B, C):
-        nothing = placed(np.zeros((len(A), len(C))))
-        return LinearPlant(A, B, C, 1e-3, motion=SteadyMotion(nothing, nothing))
-
-    return of
-
-
-@pytest.fixture(scope="session")
-def straight_window():
-    """(axes, preview) -> one window of a straight line in motion."""
-
-    def of(axes, preview=0):
-        there = line(np.zeros(axes), np.full(axes, 1e-2))
-        run = along(there, 1e-5 * np.arange(4), 1e-3, preview, at_rest=False)
-        return probe_windows(stack_references([run]), 1)
-
-    return of
-
-
-@pytest.fixture(scope="session")
-def loop_peaks():
-    """(plants, controller, windows) -> peaks of their frozen loops."""
-
-    def of(plants, controller, windows):
-        loops = jax.device_get(frozen_family(plants, controller, windows))
-        return host_peaks(loops, encoding_of(plants, windows))
-
-    return of
+def loop_peaks(plants, controller, windows):
+    """Peaks of frozen loops."""
+    loops = jax.device_get(frozen_family(plants, controller, windows))
+    return host_peaks(loops, encoding_of(plants, windows))

@@ -2,13 +2,12 @@
 
 import jax
 import numpy as np
-import pytest
 
 from jcontour.qp.problem import QP
 from jcontour.qp.staged import StagedQP
 
 
-def _problems(seed, batch, stages, states, controls, rows=0):
+def staged_problems(seed, batch, stages, states, controls, rows=0):
     """Problems in a batch: a box around the controls, and rows that hold without any control."""
     random = np.random.default_rng(seed)
     n, p, v = states, controls, states + controls
@@ -38,7 +37,7 @@ def _radius(A):
     return np.abs(np.linalg.eigvals(A)).max(axis=-1)
 
 
-def _condensed(qp: StagedQP) -> tuple[QP, np.ndarray, np.ndarray]:
+def condensed(qp: StagedQP) -> tuple[QP, np.ndarray, np.ndarray]:
     """(problem in the controls alone and a slack for each row that gives way, F, G).
 
     The stages are F + G z.
@@ -81,7 +80,7 @@ def _condensed(qp: StagedQP) -> tuple[QP, np.ndarray, np.ndarray]:
     return actual, F, G
 
 
-def _kkt(qp: StagedQP, controls, multipliers) -> np.ndarray:
+def kkt(qp: StagedQP, controls, multipliers) -> np.ndarray:
     """Largest scaled fault of the conditions of optimality of a batch with hard limits.
 
     Violation over the limits' width, slope of the Lagrangian over its largest term, multipliers
@@ -116,25 +115,6 @@ def _kkt(qp: StagedQP, controls, multipliers) -> np.ndarray:
     return np.max([hard, dual / size, gap / costs, negative], axis=0)
 
 
-@pytest.fixture(scope="session")
-def staged_problems():
-    """(seed, batch, stages, states, controls, rows) -> a batch of problems with an answer."""
-    return _problems
-
-
-@pytest.fixture(scope="session")
-def one_of():
-    """(batch, k) -> its member k."""
-    return lambda batch, k: jax.tree.map(lambda leaf: np.asarray(leaf)[k], batch)
-
-
-@pytest.fixture(scope="session")
-def condensed():
-    """Problem over stages -> (the same without states, F, G)."""
-    return _condensed
-
-
-@pytest.fixture(scope="session")
-def kkt():
-    """(batch, controls, multipliers) -> largest fault of each answer, worked out in NumPy."""
-    return _kkt
+def one_of(batch, k):
+    """Member k of a batch."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[k], batch)
