@@ -9,6 +9,7 @@ import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
+from scipy.linalg import schur, solve_sylvester
 
 from jcontour._arrays import is_concrete
 from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product, spectral_radius
@@ -128,6 +129,7 @@ class Backlash(Remembering):
 SLOWEST = 2e-4  # [m/s] within which friction turns, at least
 INTEGRATOR = 3e-5  # distance of its pole from one: printed matrices are rounded
 SLOPES = np.geomspace(0.1, 1e3, 81)  # of a force, over the inverse gain of what it acts on
+ENDS, ABOUT_ONE = 0.2, 1e-6  # poles below are delays and filters; what rounding makes of one
 LOST = 1e-6  # of a spectral radius, above what rounding makes of two poles at one
 RESPONSE = 20  # samples of which the quickest counts
 
@@ -135,11 +137,14 @@ RESPONSE = 20  # samples of which the quickest counts
 class WithDryFriction(Wrapper):
     """A linear plant whose axes feel dry friction, which may be larger at rest.
 
-        x(k+1) = A x + B u - E f,     f = F(v) tanh(v / v_0),     v = C (A - I) x / dt
-    F is Coulomb's and Stribeck's part (`friction`), E how a force enters, past a delay of the
-    control; v is the speed of the coming sample. The friction turns within v_0, at half of the
-    slope F / v_0 at which the sampled loop of speed and friction is at the limit of stability: for
-    a mass, what F changes its speed in a sample. Below it the axis creeps where a true one sticks.
+        x(k+1) = x_f - E f,     x_f = A x + B u,     f = F(v) tanh(v / v_0),     v = S x_f
+        F(v) = F_c + F_s 2^-(v / v_s)^2,             S = C (A - I) P / dt
+    F_c and F_s are Coulomb's and Stribeck's part (`friction`), E is how a force enters, past a
+    delay of the control. v is the speed that the axis would have without friction, as a rigid body:
+    P projects on the modes that do not oscillate. The friction turns within v_0, at half of the
+    slope F / v_0 at which the sampled loop of speed and friction is at the limit of stability. Of a
+    mass that slope stops it within the sample: it sticks, and creeps only by what tanh is below
+    one.
 
     A slide of 10 kg that is pushed with less than its friction hardly moves:
 
@@ -167,10 +172,11 @@ class WithDryFriction(Wrapper):
         return dict(zip(names, parts, strict=True))
 
     def step(self, state, control) -> Float[Array, " n"]:
-        """A x + B u - E f."""
-        speed = small_product(self.speed, state)
-        force = jnp.tanh(self.sharpness * speed) * self.friction.dry(speed)
-        return self.plant.step(state, control) - small_product(self.entry, force)
+        """x_f - E f."""
+        free, one = self.plant.step(state, control), self.friction
+        speed = small_product(self.speed, free)
+        size = one.coulomb + one.stribeck * jnp.exp2(-((speed / one.stribeck_speed) ** 2))
+        return free - small_product(self.entry, jnp.tanh(self.sharpness * speed) * size)
 
 
 class ElastoplasticFriction(Remembering):
@@ -227,6 +233,22 @@ def _calm_slope(A: np.ndarray, E: np.ndarray, rows: np.ndarray, gains: np.ndarra
     return slope
 
 
+def _unbending(plant: LinearPlant) -> Float[np.ndarray, "n n"]:
+    """Spectral projector on the modes that neither oscillate nor end within a sample or two."""
+
+    def slow(pole: complex) -> bool:
+        return pole.real > ENDS and abs(pole.imag) < ABOUT_ONE + 0.1 * abs(1 - pole.real)
+
+    A, onto = np.asarray(plant.A), np.zeros((plant.states, plant.states))
+    for axis in decoupled_axes(plant.pattern):
+        own = np.ix_(axis.states, axis.states)
+        T, Z, count = schur(A[own], output="complex", sort=slow)
+        X = solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
+        basis = Z.conj().T
+        onto[own] = np.real(Z[:, :count] @ (basis[:count] - X @ basis[count:]))
+    return onto
+
+
 def with_dry_friction(
     plant: LinearPlant,
     entry: Float[np.ndarray, "n m"],
@@ -260,11 +282,11 @@ def with_dry_friction(
     holding = jnp.asarray(entry), plant.C, stiffness
     if not integrates.any():
         return ElastoplasticFriction(plant, *holding, held)
-    speed = (C @ A - C) / plant.dt
+    speed = (C @ A - C) @ _unbending(plant) / plant.dt
     powers = [np.linalg.matrix_power(A, k) @ entry for k in range(RESPONSE)]
     responses = [np.zeros(plant.axes), *(np.diagonal(speed @ one) for one in powers)]
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
-    slope = _calm_slope(A, np.asarray(entry), speed, quickest)
+    slope = _calm_slope(A, np.asarray(entry), speed @ A, quickest)
     turning = np.maximum(SLOWEST, (np.asarray(force) + more) / slope)
     parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
     rubbed = WithDryFriction(plant, *parts, sliding)

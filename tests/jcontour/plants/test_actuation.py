@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 
 from jcontour import contours, feed_laws, references, simulate
 from jcontour._arrays import placed
@@ -227,9 +227,32 @@ def test_it_comes_to_rest_after_the_way_of_a_constant_deceleration():
 
 @pytest.mark.parametrize("push", [-0.9, 0.5])
 def test_less_than_the_friction_hardly_moves_it(push):
+    """It creeps where F tanh of the speed without friction balances the push."""
     state, _ = pushed(rubbed(), 0.0, push * FORCE)
-    creeping = abs(float(state[1])) / np.arctanh(abs(push))
-    assert creeping > SLOWEST and creeping / FORCE == TURNS
+    free = abs(float(state[1])) + GAIN * DT * abs(push) * FORCE
+    turning = free / np.arctanh(abs(push))
+    assert turning > SLOWEST and turning / FORCE == TURNS
+    assert abs(float(state[1])) < 0.6 * GAIN * DT * FORCE
+
+
+def test_an_axis_whose_tool_swings_sticks_as_well():
+    """A motor that friction holds, measured behind a spring of 50 Hz: what swings is not held."""
+    w, damping = 2 * np.pi * 50.0, 0.02
+    flow = np.zeros((4, 4))  # place and speed of a body, and of what hangs on it
+    flow[0, 1] = flow[2, 3] = 1.0
+    flow[3] = [0.0, 0.0, -(w**2), -2 * damping * w]
+    parts = np.zeros((5, 5))
+    parts[:4, :4], parts[:4, 4] = flow * DT, np.array([0.0, GAIN, 0.0, -GAIN]) * DT
+    whole = expm(parts)
+    plant = LinearPlant(whole[:4, :4], whole[:4, 4:], [[1.0, 0.0, 1.0, 0.0]], DT)
+    stuck = with_dry_friction(plant, np.asarray(plant.B), np.array([FORCE]))
+    state = jnp.array([0.0, 0.0, 1e-5, 0.0])
+    swung = []
+    for _ in range(400):
+        state = stuck.step(state, jnp.array([0.5 * FORCE]))
+        swung.append(float(state[2]))
+    assert abs(float(state[0])) < 1e-5 and abs(float(state[1])) < 0.02 * GAIN * DT * FORCE
+    assert np.ptp(swung[-40:]) == pytest.approx(2e-5 * np.exp(-damping * w * 0.38), rel=0.3)
 
 
 def test_more_than_the_friction_accelerates_it_by_the_rest():
@@ -243,13 +266,13 @@ def test_what_it_is_more_at_rest_falls_to_half_at_its_speed():
     stribeck = with_dry_friction(plant, np.asarray(plant.B), np.full(1, FORCE), (more, v_s))
     balance = FORCE + more / 2
     state, _ = pushed(stribeck, 0.0, balance)
-    creeping = abs(float(state[1])) / np.arctanh(balance / (FORCE + more))
-    assert creeping / (FORCE + more) == TURNS
+    free = abs(float(state[1])) + GAIN * DT * balance
+    assert free / np.arctanh(balance / (FORCE + more)) / (FORCE + more) == TURNS
     state, _ = pushed(stribeck, 2 * v_s, balance)
     assert float(state[1]) > 2 * v_s + 0.5 * GAIN * more / 2
     begun = stribeck.initial_state(jnp.zeros(1), jnp.full(1, v_s * DT))
     slower = stribeck.step(begun, jnp.full(1, balance))
-    assert float(slower[1]) == pytest.approx(v_s, rel=1e-3)
+    assert float(slower[1]) == pytest.approx(v_s, rel=2e-2)
 
 
 def test_a_delay_of_the_control_does_not_delay_it():
