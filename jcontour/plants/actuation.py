@@ -137,11 +137,12 @@ RESPONSE = 20  # samples of which the quickest counts
 class WithDryFriction(Wrapper):
     """A linear plant whose axes feel dry friction, which may be larger at rest.
 
-        x(k+1) = x_f - E f,     x_f = A x + B u,     f = F(v) tanh(v / v_0),     v = S x_f
+        x(k+1) = x_f - B f,     x_f = A x + B u,     f = F(v) tanh(v / v_0),     v = S x_f
         F(v) = F_c + F_s 2^-(v / v_s)^2,             S = C (A - I) P / dt
-    F_c and F_s are Coulomb's and Stribeck's part (`friction`), E is how a force enters, past a
-    delay of the control. v is the speed that the axis would have without friction, as a rigid body:
-    P projects on the modes that do not oscillate. The friction turns within v_0, at half of the
+    F_c and F_s are Coulomb's and Stribeck's part (`friction`). v is the speed that the axis would
+    have without friction, as a rigid body: P projects on the modes that do not oscillate. With a
+    delay in the model that is the speed when the control arrives, and the friction then arrives
+    with it. It turns within v_0, at half of the
     slope F / v_0 at which the sampled loop of speed and friction is at the limit of stability. Of a
     mass that slope stops it within the sample: it sticks, and creeps only by what tanh is below
     one.
@@ -172,7 +173,7 @@ class WithDryFriction(Wrapper):
         return dict(zip(names, parts, strict=True))
 
     def step(self, state, control) -> Float[Array, " n"]:
-        """x_f - E f."""
+        """x_f - B f."""
         free, one = self.plant.step(state, control), self.friction
         speed = small_product(self.speed, free)
         size = one.coulomb + one.stribeck * jnp.exp2(-((speed / one.stribeck_speed) ** 2))
@@ -259,7 +260,8 @@ def with_dry_friction(
 
     Args:
         plant: without friction.
-        entry: how a force on each axis enters, of one control unit: B where nothing is late.
+        entry: how a force on each axis enters whose drive takes a position, of one control unit: B
+            where nothing is late.
         force: of each axis [control unit], at least zero.
         stribeck: what it is more at rest, and the speed at which half of that is left [m/s]; not
             of axes whose drives take positions.
@@ -274,6 +276,7 @@ def with_dry_friction(
         rows = np.array(axis.states)
         poles = np.linalg.eigvals(np.asarray(plant.A)[np.ix_(rows, rows)])
         integrates[list(axis.outputs)] = np.abs(poles - 1).min() < INTEGRATOR
+    entry = np.where(integrates, np.asarray(plant.B), entry)
     more = np.where(integrates, stribeck[0], 0.0)
     sliding = Friction(np.where(integrates, force, 0.0), more, stribeck[1], 0.0)
     held = Friction(np.where(integrates, 0.0, force), 0.0, 1.0, 0.0)

@@ -275,12 +275,22 @@ def test_what_it_is_more_at_rest_falls_to_half_at_its_speed():
     assert float(slower[1]) == pytest.approx(v_s, rel=2e-2)
 
 
-def test_a_delay_of_the_control_does_not_delay_it():
+def test_friction_acts_when_the_control_arrives():
+    """From rest, with a delay of two samples, the same motion comes two samples later."""
     late = with_input_delay(slides(), 2)
-    entry = np.asarray(late.A)[:, -1:]
-    delayed = with_dry_friction(late, entry, np.array([FORCE]))
-    ways = [float(pushed(plant, 0.05, 0.0)[1]) for plant in (rubbed(), delayed)]
-    assert ways[0] == pytest.approx(ways[1], rel=1e-12)
+    delayed = with_dry_friction(late, np.asarray(late.B), np.array([FORCE]))
+    pushes = jnp.asarray(2 * FORCE * np.sin(np.arange(500) / 40))[:, None]
+
+    def moved(plant):
+        def one(state, push):
+            return plant.step(state, push), plant.output(state)[0]
+
+        start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
+        return np.asarray(jax.lax.scan(one, start, pushes)[1])
+
+    at_once, later = moved(rubbed()), moved(delayed)
+    assert np.ptp(at_once) > 1e-4
+    np.testing.assert_allclose(later[2:], at_once[:-2], atol=1e-12 * np.ptp(at_once))
 
 
 class Feedback(Controller):
