@@ -112,7 +112,8 @@ def response_of_lines(lines: Response, model: AxisModel) -> Response:
     gap = hertz[above] - hertz[above - 1]
     value = model.response(2 * np.pi * places)
     mass = np.abs(lines.value[-1]) * (hertz[-1] / places) ** 2 / np.abs(value)
-    above_all = np.where(places > hertz[-1], np.maximum(mass, 1.0) * places / hertz[-1], 1.0)
+    more = np.maximum(mass, 1.0) if model.integrators else 1.0
+    above_all = np.where(places > hertz[-1], more * places / hertz[-1], 1.0)
     width = HIDDEN / 2 * above_all
     known = (gap < np.maximum(GAP * places, SPACING)) | (places <= hertz[0])
     for k in np.flatnonzero((places <= hertz[-1]) & known):
@@ -140,12 +141,14 @@ def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:
 
 def periodic_lines(record: AxisRecord) -> Response:
     """Lines at which periods of the record show the response; none of a record without periods."""
-    shapes = list(_shapes(record))
-    sides = [(_alike(shape, record.dt), shape) for shape in shapes]
-    (best, rows), shape = max(sides, key=lambda one: one[0])
-    bent = shapes[0]
-    asked = rows and np.mean(bent[:-rows] * bent[rows:]) > ASKED * np.mean(bent**2)
-    sections = list(_sections(shape, rows)) if asked and best >= ALIKE else []
+    shapes, tried = list(_shapes(record)), [(0, 0, [])]
+    for shape in shapes:
+        best, period = _alike(shape, record.dt)
+        asked = period and np.mean(shapes[0][:-period] * shapes[0][period:])
+        if best >= ALIKE and asked > ASKED * np.mean(shapes[0] ** 2):
+            found = list(_sections(shape, period))
+            tried.append((period * sum(count for _, count in found), period, found))
+    _, rows, sections = max(tried, key=lambda one: one[0])  # of most samples that repeat
     if not sections:
         return NO_LINES
     values, weights, noise, own = [], [], [], []
