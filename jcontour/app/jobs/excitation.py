@@ -5,10 +5,9 @@ backlash on one side, for two realisations at two levels; each section runs one 
 transient and `KEPT` more. From these the best linear approximation and its total variance follow
 (Pintelon & Schoukens, System Identification, 2nd ed., section 4.3). No two axes share a frequency:
 coupling is then distinct from an axis's own answer. All lines have the same speed up to a corner,
-above which it falls with the root of the frequency. Then moves at steady speeds, each half of the
-one before, for friction that depends on the speed, and strokes to and fro, as a part has them, for
-dry friction and backlash. As G-code: moves to and fro that get shorter, each axis by itself and
-then all together.
+and the same acceleration above it. Then moves at steady speeds, each half of the one before, for
+friction that depends on the speed, and strokes to and fro, as a part has them, for dry friction and
+backlash. As G-code: moves to and fro that get shorter, each axis by itself and then all together.
 The speed stays within half of its limit, positions within a third of the travel either side of the
 start; the acceleration of the CSV within half of its limit, that of the G-code is the control's.
 """
@@ -165,15 +164,14 @@ def _allowed(
 ) -> Float[np.ndarray, "D N"]:
     """Multisines of as much speed and acceleration as is allowed.
 
-    All lines have one speed up to a corner, and above it speeds that fall with the root of the
-    frequency: more where friction holds an axis, not so much that it rattles in its backlash. The
-    corner is where both limits are reached.
+    All lines have one speed up to a corner and one acceleration above it; it is where both limits
+    are reached.
     """
     angles = np.outer(time, w) + phases[:, None]
     sines, dt = np.sin(angles), time[1] - time[0]
     found = []
     for corner in np.geomspace(w[0], w[-1], CORNERS):
-        waves = sines @ (1 / (w * np.sqrt(np.hypot(1, w / corner))))
+        waves = sines @ (1 / (w * np.hypot(1, w / corner)))
         around = np.concatenate([waves, waves[:, :2]], axis=1)
         fastest, hardest = (np.abs(np.diff(around, k)).max(axis=1) / dt**k for k in (1, 2))
         speed, acceleration = fastest / most[0], hardest / most[1]
@@ -185,17 +183,15 @@ def _allowed(
 def _lines(limits: Excited) -> list[Int[np.ndarray, " L"]]:
     """Periods of each axis's lines in that of the multisine: each, or `APART` for every axis.
 
-    Neighbouring lines go to the axes in random order, and those that are apart are odd or even by
-    chance: otherwise parts of the period repeat.
+    Neighbouring lines go to the axes in random order: in any other, parts of the period repeat.
     """
     count = len(limits.axes)
     lines, highest = [1], min(HIGHEST, OF_RATE / limits.dt) * PERIOD
     while lines[-1] < highest:
         lines.append(lines[-1] + max(1, round(APART * lines[-1] / count)))
-    random, groups = np.random.default_rng(SEED), np.tile(np.arange(count), (len(lines), 1))
-    owner = random.permuted(groups, axis=1).ravel()[: len(lines)]
-    lines -= random.integers(0, 2, len(lines)) * (np.diff(lines, prepend=0) > 1)
-    return [lines[owner == k] for k in range(count)]
+    groups = np.tile(np.arange(count), (len(lines) // count + 1, 1))
+    owner = np.random.default_rng(SEED).permuted(groups, axis=1).ravel()[: len(lines)]
+    return [np.array(lines)[owner == k] for k in range(count)]
 
 
 def _strokes(dt: float, most: tuple[float, float, float]) -> Float[np.ndarray, " T"]:

@@ -39,6 +39,7 @@ FINE = 1e-3  # [s] of these differences: over less there is mostly noise
 LEVEL = 0.5  # [s] over which its size is taken
 STILL = 1e-6  # of its largest size: what running sums leave of a command that does not bend
 ALIKE = 0.25  # least correlation of a record with itself a period later
+SURER = 1.2  # times as large in the position as in the command
 ASKED = 0.1  # of its command: it is asked to, and does not ring
 PARTS, NEARLY = 10, 0.8  # of a time of several periods at most; of the largest correlation
 SAME = 0.9  # of the largest local correlation, within a section
@@ -141,14 +142,15 @@ def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:
 
 def periodic_lines(record: AxisRecord) -> Response:
     """Lines at which periods of the record show the response; none of a record without periods."""
-    shapes, tried = list(_shapes(record)), [(0, 0, [])]
-    for shape in shapes:
-        best, period = _alike(shape, record.dt)
-        asked = period and np.mean(shapes[0][:-period] * shapes[0][period:])
-        if best >= ALIKE and asked > ASKED * np.mean(shapes[0] ** 2):
-            found = list(_sections(shape, period))
-            tried.append((period * sum(count for _, count in found), period, found))
-    _, rows, sections = max(tried, key=lambda one: one[0])  # of most samples that repeat
+    shapes = list(_shapes(record))
+    tried = [(*_alike(shape, record.dt), shape) for shape in shapes]
+    # noise of an encoder hides periods of a command, and what rings has some of its own
+    best, rows, _ = tried[tried[1][0] > SURER * tried[0][0]]
+    asked = rows and np.mean(shapes[0][:-rows] * shapes[0][rows:])
+    if best < ALIKE or not asked > ASKED * np.mean(shapes[0] ** 2):
+        return NO_LINES
+    parts = [list(_sections(shape, rows)) for *_, shape in tried]
+    sections = max(parts, key=lambda part: sum(count for _, count in part))
     if not sections:
         return NO_LINES
     values, weights, noise, own = [], [], [], []
