@@ -10,70 +10,51 @@ looks wide. The logarithm of this is fitted to the lines around the peaks by lea
 the scatter of a line is a share of its size. The intervals are those of the scatter that the fit
 leaves. Lines that share a window are alike: N sum(w^4) / sum(w^2)^2 of them count as one.
 
-Welch 1967; Ewins, Modal Testing, 2nd ed., section 4.3.
+Welch 1967; Ewins, Modal Testing, 2nd ed., section 4.3. The window is that of Klipper: Kaiser's, of
+W = sinh(sqrt(beta^2 - (pi b)^2)) / sqrt(beta^2 - (pi b)^2) at b lines beside its own.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.optimize import least_squares
-from scipy.signal import find_peaks, get_window, spectrogram
+from scipy.signal import find_peaks, spectrogram
 from scipy.stats import t, theilslopes
 
-WINDOW, FEWEST = 2.0, 16  # length [s], and number; they overlap by three quarters
-LOWEST, HIGHEST, SLOWEST = 4.0, 300.0, 400.0  # [Hz] of a sweep, and of its samples
-BESIDE = 20.0, 3.0  # [Hz] from the sweep at most: at a first look, and at a second
-FOLLOWING = 0.5  # of the windows, beside the sweep
-MARGIN = 3.0  # [Hz] to the ends of a sweep
-BELOW = 0.2  # of the lines of a sweep: the lowest, below the resonances
-PROMINENCE = 4.0  # [dB] of a peak
-SECOND = 0.05  # of the response of the main peak
-SKIRT, SIDES = 0.25, 1.5  # lines around a peak: least part of its response, and of its frequency
-CLOSE = 3  # lines on either side of a peak, that always count
-DAMPING = 0.05  # to begin with
-SURE, KNOWN = 0.95, 0.1  # level of the intervals; half of one of a frequency, at most
+SECONDS, FEWEST, BETA = 2.0, 16, 6.0  # of a window, their number, and beta of Kaiser
+SLOWEST, LOWEST, MARGIN = 400.0, 4.0, 3.0  # [Hz] of samples and of a sweep; to the ends of a sweep
+BESIDE = 20.0, 3.0  # [Hz] from the sweep, at a first and at a second look
+PROMINENCE, SECOND = 4.0, -13.0  # [dB] of a peak, and of the second one over the main one
+SKIRT, SIDES, CLOSE = 0.25, 1.5, 3  # lines of a peak: response, frequency; those that always count
+ALIKE = 1.96  # lines that count as one
+DAMPING, SURE, KNOWN = 0.05, 0.95, 0.1  # to begin with; level of intervals; a frequency's, at most
 
 
 @dataclass(frozen=True)
-class VibrationSpectrum:
-    """Power spectral density of the acceleration in three directions, during a sweep."""
+class Vibration:
+    """Response of a tool in three directions to the command of its acceleration, during a sweep."""
 
-    frequency: Float[np.ndarray, " F"]  # [Hz], evenly spaced, above zero
-    power: Float[np.ndarray, "F 3"]  # [(m/s^2)^2/Hz]
-    swept: tuple[float, float]  # lowest and highest frequency of the sweep [Hz]
-    window: Float[np.ndarray, " N"]  # as long as one over the spacing of the lines
-
-    @property
-    def inside(self) -> Bool[np.ndarray, " F"]:
-        """Lines that the sweep excites."""
-        return np.abs(self.frequency - np.mean(self.swept)) <= np.ptp(self.swept) / 2 - MARGIN
+    frequency: Float[np.ndarray, " F"]  # [Hz], evenly spaced by one over the length of the window
+    power: Float[np.ndarray, "F 3"]  # of the acceleration over that of the command, up to a factor
 
     @property
     def axis(self) -> int:
         """Direction that is shaken: the one that follows the command below the resonances."""
-        return int(np.argmax(self.power[self.inside][: int(BELOW * self.inside.sum())].sum(axis=0)))
-
-    @property
-    def response(self) -> Float[np.ndarray, "F 3"]:
-        """Power over that of the command, up to a factor."""
-        return self.power / self.frequency[:, None] ** 2
+        return int(np.argmax(self.power[: len(self.power) // 5].sum(axis=0)))
 
 
 @dataclass(frozen=True)
 class Resonance:
     """A mode of the tool on its springs."""
 
-    frequency: float  # undamped [Hz]
-    frequency_interval: tuple[float, float]  # 95 %
-    damping: float  # zeta
-    damping_interval: tuple[float, float]  # 95 %
-    prominence: float  # of its peak [dB]
+    frequency: tuple[float, float, float]  # undamped [Hz], between the ends of its 95 % interval
+    damping: tuple[float, float, float]  # zeta, likewise
     shares: tuple[float, float, float]  # of the directions in the power of its peak
 
 
-def spectrum_of(acceleration: Float[np.ndarray, "T 3"], dt: float) -> VibrationSpectrum:
-    """Welch's spectrum of a sweep, and the frequencies that it runs through.
+def vibration_of(acceleration: Float[np.ndarray, "T 3"], dt: float) -> Vibration:
+    """Response by Welch's method, at the frequencies that a sweep runs through.
 
     Args:
         acceleration: of the tool (T, 3) [m/s^2]; gravity does not matter.
@@ -82,109 +63,72 @@ def spectrum_of(acceleration: Float[np.ndarray, "T 3"], dt: float) -> VibrationS
     Raises:
         ValueError: the samples are too slow or too few, or no sweep is seen.
     """
-    length, least = round(WINDOW / dt), WINDOW * (3 + FEWEST) / 4
-    if dt > 1 / SLOWEST:
-        raise ValueError(f"{1 / dt:.3g} samples a second are too slow: record {SLOWEST:g} at least")
-    if dt * len(acceleration) < least:
-        raise ValueError(
-            f"lasts {dt * len(acceleration):.3g} s, and a sweep {least:g} s at least: record "
-            "TEST_RESONANCES from begin to end"
-        )
-    frequency, time, power = spectrogram(
-        acceleration, 1 / dt, "hann", length, length - length // 4, detrend="constant", axis=0
-    )
-    kept = (frequency >= LOWEST) & (frequency <= HIGHEST)
-    frequency, power = frequency[kept], power[kept]
+    N, least = round(SECONDS / dt), SECONDS * (3 + FEWEST) / 4
+    if dt > 1 / SLOWEST or dt * len(acceleration) < least:
+        raise ValueError(f"a sweep needs {SLOWEST:g} samples a second, and {least:g} s of them")
+    f, time, power = spectrogram(acceleration, 1 / dt, ("kaiser", BETA), N, N - N // 4, axis=0)
+    f, power = f[f >= LOWEST], power[f >= LOWEST]
     loud = power[:, int(np.argmax(power.sum(axis=(0, 2))))]
     # The sweep is where a line is loud, and louder than on average: no harmonic, no ringing
-    at = frequency[np.argmax(loud**2 / loud.mean(axis=-1, keepdims=True), axis=0)]
-    on = np.full(len(time), True)
+    at = line = f[np.argmax(loud**2 / loud.mean(axis=-1, keepdims=True), axis=0)]
+    on = np.full(len(at), True)
     for beside in BESIDE:
-        slope, start, *_ = theilslopes(at[on], time[on])
-        line = start + slope * time
+        line = np.polyval(np.array(theilslopes(at[on], time[on]))[:2], time)
         on = np.abs(at - line) <= beside
-        if slope <= 0 or on.mean() < FOLLOWING:
-            size = np.sqrt(np.mean(np.var(acceleration, axis=0)))
-            raise ValueError(
-                f"no sweep from low to high frequencies shakes it (RMS {size:.2g} m/s^2): record "
-                "TEST_RESONANCES of one axis, and nothing else"
-            )
-    swept = max(float(line[on][0]), LOWEST), float(line[on][-1])
-    return VibrationSpectrum(frequency, power.mean(axis=-1), swept, get_window("hann", length))
+        if on.mean() < 0.5 or line[-1] <= line[0]:
+            raise ValueError("nothing sweeps from low to high; record TEST_RESONANCES of one axis")
+    swept = (f >= line[on][0] + MARGIN) & (f <= line[on][-1] - MARGIN)
+    return Vibration(f[swept], power.mean(axis=-1)[swept] / f[swept, None] ** 2)
 
 
-def resonances(spectrum: VibrationSpectrum) -> list[Resonance]:
+def resonances(vibration: Vibration) -> list[Resonance]:
     """The main resonance of the shaken direction, and a second one where it is clear.
 
     Raises:
         ValueError: no peak stands out, or the highest is not of one mode or two.
     """
-    f, inside = spectrum.frequency, np.flatnonzero(spectrum.inside)
-    response = np.maximum(spectrum.response[:, spectrum.axis], np.finfo(float).tiny)
-    peaks, found = find_peaks(10 * np.log10(response[inside]), prominence=PROMINENCE)
+    f, response = vibration.frequency, vibration.power[:, vibration.axis]
+    decibels = 10 * np.log10(response / response.max())
+    peaks, _ = find_peaks(decibels, height=SECOND, prominence=PROMINENCE)
     if not peaks.size:
-        raise ValueError(
-            f"no peak stands out by {PROMINENCE:g} dB between {spectrum.swept[0]:.3g} and "
-            f"{spectrum.swept[1]:.4g} Hz: no shaper is needed below; sweep further to look above"
-        )
-    prominences = dict(zip(inside[peaks].tolist(), found["prominences"].tolist(), strict=True))
-    at = sorted(prominences, key=lambda k: -response[k])[:2]
-    at = [k for k in at if response[k] >= SECOND * response[at[0]]]
-    modes = _fitted(spectrum, at) or _fitted(spectrum, at[:1])
-    if not modes:
-        raise ValueError(
-            f"the peak at {f[at[0]]:.3g} Hz has not the shape of one resonance or two: tighten "
-            "what is loose and record again, or take a shaper for a wide band, as ei"
-        )
-    shares = spectrum.power / spectrum.power.sum(axis=1, keepdims=True)
-    return [
-        Resonance(*mode, prominences[k], (*shares[k].tolist(),))
-        for mode, k in zip(modes, at, strict=False)
-    ]
+        raise ValueError(f"no peak of {PROMINENCE:g} dB to {f[-1]:.3g} Hz: sweep on (FREQ_END)")
+    at = sorted(peaks, key=lambda k: -response[k])[:2]
+    found = _fitted(vibration, at) or _fitted(vibration, at[:1])
+    if not found:
+        said = "is of no one or two resonances: tighten what is loose, or take a wide shaper as ei"
+        raise ValueError(f"the peak at {f[at[0]]:.3g} Hz {said}")
+    return found
 
 
-def _fitted(spectrum: VibrationSpectrum, at: list[int]) -> list[tuple]:
-    """Frequency and damping with intervals, of modes that peak at these lines; none if one fails."""
-    f, response = spectrum.frequency, spectrum.response[:, spectrum.axis]
-    skirts = [_skirt(f, np.where(spectrum.inside, response, 0), k) for k in at]
-    lines = np.any(skirts, axis=0)
-    measured, (beside, shares) = np.log(spectrum.power[lines, spectrum.axis]), _leakage(spectrum)
-    sizes = 2 * DAMPING * np.sqrt(response[at])
+def _fitted(vibration: Vibration, at: list[int]) -> list[Resonance]:
+    """Modes that peak at these lines; none if the frequency of one is not known."""
+    f, response = vibration.frequency, vibration.power[:, vibration.axis]
+    lines = np.any([_skirt(f, response, k) for k in at], axis=0)
+    measured, sizes = np.log(response[lines]), 2 * DAMPING * np.sqrt(response[at])
+    bins = np.linspace(-2.2, 2.2, 45)  # beside a line, between the zeros of the window
+    passed = np.abs(np.sinc(np.emath.sqrt(bins**2 - (BETA / np.pi) ** 2))) ** 2
+    shown = f[lines, None] + bins * (f[1] - f[0])
 
     def misses(parameters: np.ndarray) -> np.ndarray:
         hertz, zeta, size = parameters.reshape(3, -1)
-        shown = f[lines, None] + beside
         r = shown[..., None] / np.exp(hertz)
         value = np.sum(sizes * size / (1 - r**2 + 2j * np.exp(zeta) * r), axis=-1)
-        return np.log(np.abs(shown * value) ** 2 @ shares) - measured
+        density = np.abs(shown * value) ** 2 @ passed / passed.sum()
+        return np.log(density / f[lines] ** 2) - measured
 
-    begin = [*np.log(f[at]), *[np.log(DAMPING)] * len(at)]
-    signs = [[1.0], [1.0, 1.0], [1.0, -1.0]]  # a second mode helps the first, or is against it
-    tried = [least_squares(misses, [*begin, *one]) for one in signs if len(one) == len(at)]
-    fit = min(tried, key=lambda one: one.cost)
-    w = spectrum.window
-    alike = len(w) * np.sum(w**4) / np.sum(w**2) ** 2
-    freedom = max(len(measured) / alike - len(fit.x), 1.0)
+    fit = least_squares(misses, [*np.log(f[at]), *[np.log(DAMPING)] * len(at), *[1.0] * len(at)])
+    freedom = max(len(measured) / ALIKE - len(fit.x), 1)
     spread = np.sqrt(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)) * 2 * fit.cost / freedom)
-    half = np.multiply.outer([-1, 0, 1], t.ppf((1 + SURE) / 2, freedom) * spread)
-    low, value, high = np.exp((fit.x + half).reshape(3, 3, -1)[:, :2])
-    seen = [f[skirt][0] <= one <= f[skirt][-1] for one, skirt in zip(value[0], skirts, strict=True)]
-    if not all(seen) or np.any(high[0] > (1 + KNOWN) * value[0]):
+    half = np.outer([0, -1, 1], t.ppf((1 + SURE) / 2, freedom) * spread)
+    hertz, zeta = np.exp((fit.x + half).reshape(3, 3, -1)[:, :2]).transpose(1, 2, 0).tolist()
+    if any(most > (1 + KNOWN) * value for value, _, most in hertz):
         return []
-    each = zip(value.T.tolist(), low.T.tolist(), high.T.tolist(), strict=True)
-    return [(v[0], (a[0], b[0]), v[1], (a[1], b[1])) for v, a, b in each]
+    shares = (vibration.power[at].T / vibration.power[at].sum(axis=1)).T.tolist()
+    return [Resonance(*map(tuple, one)) for one in zip(hertz, zeta, shares, strict=True)]
 
 
-def _skirt(f: np.ndarray, response: np.ndarray, peak: int) -> Bool[np.ndarray, " F"]:
+def _skirt(f: np.ndarray, response: np.ndarray, peak: int) -> np.ndarray:
     """Lines around a peak without a gap, down to the least part of its response."""
-    kept = (response >= SKIRT * response[peak]) & (np.abs(np.log(f / f[peak])) <= np.log(SIDES))
-    kept |= (np.abs(np.arange(len(f)) - peak) <= CLOSE) & (response > 0)
-    part = np.cumsum(~kept)
-    return kept & (part == part[peak])
-
-
-def _leakage(spectrum: VibrationSpectrum) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies around a line [Hz] that its window lets through, and their shares."""
-    bins, N = np.linspace(-2.2, 2.2, 45), len(spectrum.window)
-    passed = np.abs(np.exp(-2j * np.pi * np.outer(bins, np.arange(N)) / N) @ spectrum.window) ** 2
-    return bins * (spectrum.frequency[1] - spectrum.frequency[0]), passed / passed.sum()
+    far = (response < SKIRT * response[peak]) | (np.abs(np.log(f / f[peak])) > np.log(SIDES))
+    part = np.cumsum(far & (np.abs(np.arange(len(f)) - peak) > CLOSE))
+    return part == part[peak]

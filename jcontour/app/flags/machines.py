@@ -54,8 +54,11 @@ class Identify(Logged):
     """Fit a machine to recorded data: a transfer function per axis, with delay and dry friction.
 
     A log of any program will do, in open or closed loop. Every number comes with its 95 % interval.
+    Of the records of an accelerometer (Klipper's raw_data_*.csv, resonances_*.csv): resonances.
     """
 
+    other: Positional[Path | None] = None
+    """Record of an accelerometer while another axis is shaken, where the first file is one."""
     demo: bool = False  # a file is expected
     """Instead of a file, take simulated data with counted, noisy encoders.
     The file is kept in the run folder."""

@@ -1,0 +1,67 @@
+"""Vibration of a tool: accelerations that Klipper records, or the spectra that it makes of them.
+
+`raw_data_*.csv` holds #time,accel_x,accel_y,accel_z with gravity, whose size says the unit.
+`resonances_*.csv` holds freq,psd_x,psd_y,psd_z, and `calibration_data_*.csv` shapers beside: its
+densities are divided by f + 0.1 Hz (Klipper, klippy/extras/shaper_calibrate.py).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from jcontour.app.files.checks import bytes_of
+from jcontour.app.files.clock import longest_even_part, resampled
+from jcontour.app.files.log_table import HEAD_BYTES, MOST_BYTES, finite, read_table
+from tuning.identification.vibration import Vibration, vibration_of
+
+TIMES, LINES = ("time", "accel_x", "accel_y", "accel_z"), ("freq", "psd_x", "psd_y", "psd_z")
+GRAVITY, UNITS = 9.80665, (9806.65, 9.80665, 1.0)  # [m/s^2], and in mm/s^2, m/s^2 and g
+NEARLY = 1.5  # gravity may look so many times larger or smaller, by the offset of a sensor
+CLIPPED = 2e-4  # part of the samples at one extreme
+SWEPT = 8.0, 130.0  # [Hz] of lines that Klipper's own sweep of 5 to 133 Hz excites
+
+
+def is_vibration(path: Path) -> bool:
+    """Whether the header of a file is one of Klipper's."""
+    head = bytes_of(path, MOST_BYTES)[:HEAD_BYTES].lower()
+    return any(",".join(one).encode() in head for one in (TIMES, LINES))
+
+
+def read_vibration(path: Path) -> Vibration:
+    """The spectrum of a sweep.
+
+    Raises:
+        ValueError: a number is missing, samples are clipped or uneven, the unit is not known, or no
+            sweep is seen.
+    """
+    table = read_table(path)
+    names = LINES if LINES[0] in table else TIMES
+    columns = [table.get(name, np.full(1, np.nan)) for name in names]
+    for name, values in zip(names, columns, strict=True):
+        finite(path, name, values)
+    first, values = columns[0], np.stack(columns[1:], axis=1)
+    if names == TIMES:
+        return _sampled(first, values)
+    f = np.linspace(first[0], first[-1], len(first))  # even, but printed to 0.1 Hz
+    seen = (f >= SWEPT[0]) & (f <= SWEPT[1])
+    if seen.sum() < 20 or np.abs(f - first).max() > 0.1 or not (values[seen] > 0).all():
+        raise ValueError("holds no densities above zero at 20 even frequencies, as Klipper's files")
+    divided = any("mzv" in name for name in table)
+    return Vibration(f[seen], values[seen] / f[seen, None] ** (1 if divided else 2))
+
+
+def _sampled(time: np.ndarray, values: np.ndarray) -> Vibration:
+    part = longest_even_part(time)
+    values = values[part.rows]
+    mean = float(np.linalg.norm(values.mean(axis=0)))
+    unit = next((one for one in UNITS if one / NEARLY < mean < one * NEARLY), None)
+    if unit is None:
+        said = "keep gravity, 9807 mm/s^2, 9.807 m/s^2 or 1 g, in the record"
+        raise ValueError(f"its mean acceleration, {mean:.4g}, does not tell its unit; {said}")
+    even = resampled(time[part.rows], part.dt, values * (GRAVITY / unit))
+    vibration = vibration_of(even, part.dt)
+    shaken = values[:, vibration.axis]
+    count = max(np.sum(shaken == shaken.min()), np.sum(shaken == shaken.max()))
+    if count > CLIPPED * len(shaken):
+        raise ValueError(f"{count} samples are clipped: shake less, or widen the sensor's range")
+    return vibration
