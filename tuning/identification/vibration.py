@@ -75,7 +75,7 @@ def vibration_of(acceleration: Float[np.ndarray, "T 3"], dt: float) -> Vibration
     for beside in BESIDE:
         line = np.polyval(np.array(theilslopes(at[on], time[on]))[:2], time)
         on = np.abs(at - line) <= beside
-        if on.mean() < 0.5 or line[-1] <= line[0]:
+        if on.mean() < 0.5 or line[on][-1] - line[on][0] < 5 * MARGIN:
             raise ValueError("nothing sweeps from low to high; record TEST_RESONANCES of one axis")
     swept = (f >= line[on][0] + MARGIN) & (f <= line[on][-1] - MARGIN)
     return Vibration(f[swept], power.mean(axis=-1)[swept] / f[swept, None] ** 2)
