@@ -92,7 +92,7 @@ def resonances(vibration: Vibration) -> list[Resonance]:
     peaks, _ = find_peaks(decibels, height=SECOND, prominence=PROMINENCE)
     if not peaks.size:
         raise ValueError(f"no peak of {PROMINENCE:g} dB to {f[-1]:.3g} Hz: sweep on (FREQ_END)")
-    at = sorted(peaks, key=lambda k: -response[k])[:2]
+    at = sorted(peaks.tolist(), key=lambda k: -response[k])[:2]
     found = _fitted(vibration, at) or _fitted(vibration, at[:1])
     if not found:
         said = "is of no one or two resonances: tighten what is loose, or take a wide shaper as ei"

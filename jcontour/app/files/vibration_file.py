@@ -5,26 +5,21 @@
 densities are divided by f + 0.1 Hz (Klipper, klippy/extras/shaper_calibrate.py).
 """
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 
-from jcontour.app.files.checks import bytes_of
 from jcontour.app.files.clock import longest_even_part, resampled
-from jcontour.app.files.log_table import HEAD_BYTES, MOST_BYTES, finite, read_table
+from jcontour.app.files.log_table import KLIPPER, finite, read_table
 from tuning.identification.vibration import Vibration, vibration_of
 
-TIMES, LINES = ("time", "accel_x", "accel_y", "accel_z"), ("freq", "psd_x", "psd_y", "psd_z")
+TIMES, LINES = (head.decode().split(",") for head in KLIPPER)
 GRAVITY, UNITS = 9.80665, (9806.65, 9.80665, 1.0)  # [m/s^2], and in mm/s^2, m/s^2 and g
 NEARLY = 1.5  # gravity may look so many times larger or smaller, by the offset of a sensor
 CLIPPED = 2e-4  # part of the samples at one extreme
+GAP = 0.05  # [s] of lost samples that lines between the others bridge, at most
 SWEPT = 8.0, 130.0  # [Hz] of lines that Klipper's own sweep of 5 to 133 Hz excites
-
-
-def is_vibration(path: Path) -> bool:
-    """Whether the header of a file is one of Klipper's."""
-    head = bytes_of(path, MOST_BYTES)[:HEAD_BYTES].lower()
-    return any(",".join(one).encode() in head for one in (TIMES, LINES))
 
 
 def read_vibration(path: Path) -> Vibration:
@@ -51,15 +46,19 @@ def read_vibration(path: Path) -> Vibration:
 
 
 def _sampled(time: np.ndarray, values: np.ndarray) -> Vibration:
-    part = longest_even_part(time)
-    values = values[part.rows]
+    steps = np.diff(time)
+    if not (steps > 0).all() or steps.max() > GAP:
+        part = longest_even_part(time)
+        time, values = time[part.rows], values[part.rows]
+        if part.words:
+            warnings.warn(part.words, stacklevel=2)
+    dt = float((time[-1] - time[0]) / (len(time) - 1))
     mean = float(np.linalg.norm(values.mean(axis=0)))
     unit = next((one for one in UNITS if one / NEARLY < mean < one * NEARLY), None)
     if unit is None:
         said = "keep gravity, 9807 mm/s^2, 9.807 m/s^2 or 1 g, in the record"
         raise ValueError(f"its mean acceleration, {mean:.4g}, does not tell its unit; {said}")
-    even = resampled(time[part.rows], part.dt, values * (GRAVITY / unit))
-    vibration = vibration_of(even, part.dt)
+    vibration = vibration_of(resampled(time, dt, values * (GRAVITY / unit)), dt)
     shaken = values[:, vibration.axis]
     count = max(np.sum(shaken == shaken.min()), np.sum(shaken == shaken.max()))
     if count > CLIPPED * len(shaken):

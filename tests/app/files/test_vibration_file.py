@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from jcontour.app.files.vibration_file import is_vibration, read_vibration
+from jcontour.app.files.log_table import of_accelerometer
+from jcontour.app.files.vibration_file import read_vibration
 from tests.tuning.identification.shaken_tool import shaken
 from tuning.identification.vibration import resonances
 
@@ -25,7 +26,7 @@ def raw(folder, values=1e3 * SEEN, time=TIME):
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 9.80665])
 def test_gravity_tells_the_unit(tmp_path, unit):
     path = raw(tmp_path, SEEN / unit)
-    assert is_vibration(path)
+    assert of_accelerometer(path)
     vibration = read_vibration(path)
     assert vibration.axis == 0
     # what follows the command below the resonance: |0.06 f|^2 4^2 / pi^2 / 2, over 2 Hz a second
@@ -46,19 +47,28 @@ def test_spectra_of_klipper(tmp_path, header, power):
     assert found.damping[0] == pytest.approx(0.05, rel=0.05)
 
 
+def test_lost_samples_are_bridged_and_gaps_said(tmp_path):
+    kept = np.random.default_rng(0).uniform(size=len(TIME)) > 0.01
+    vibration = read_vibration(raw(tmp_path, 1e3 * SEEN[kept], TIME[kept]))
+    assert resonances(vibration)[0].damping[0] == pytest.approx(0.05, rel=0.03)
+    early = np.abs(TIME - TIME[0] - 5) > 0.2
+    with pytest.warns(UserWarning, match="1 gaps .* used is the longest part"):
+        read_vibration(raw(tmp_path, 1e3 * SEEN[early], TIME[early]))
+
+
 def test_faults_are_told(tmp_path):
-    missing, clipped, uneven = 1e3 * SEEN, np.clip(1e3 * SEEN, -15e3, 15e3), TIME.copy()
+    missing, clipped, torn = 1e3 * SEEN, np.clip(1e3 * SEEN, -15e3, 15e3), TIME.copy()
     missing[400, 1] = np.nan
-    uneven[1::2] += 0.45e-3
+    torn += np.arange(len(TIME)) // 2000  # a gap of 1 s each 1.25 s
     for values, time, words in (
         (missing, TIME, "accel_y holds no number in row 401"),
         (clipped, TIME, "samples are clipped"),
         (1e3 * (SEEN - SEEN.mean(axis=0)), TIME, "does not tell its unit"),
-        (1e3 * SEEN, uneven, "not evenly spaced"),
+        (1e3 * SEEN, torn, "not evenly spaced"),
     ):
         with pytest.raises(ValueError, match=words):
             read_vibration(raw(tmp_path, values, time))
     f = np.arange(0, 200, 1.6)
     with pytest.raises(ValueError, match="no densities above zero at 20 even"):
         read_vibration(written(tmp_path, PSD, np.c_[f**2, f, f, f, f]))
-    assert not is_vibration(written(tmp_path, "time,x_command,x_position", np.c_[f, f, f]))
+    assert not of_accelerometer(written(tmp_path, "time,x_command,x_position", np.c_[f, f, f]))
