@@ -19,7 +19,7 @@ GRAVITY, UNITS = 9.80665, (9806.65, 9.80665, 1.0)  # [m/s^2], and in mm/s^2, m/s
 NEARLY = 1.5  # gravity may look so many times larger or smaller, by the offset of a sensor
 CLIPPED = 2e-4  # part of the samples at one extreme
 GAP = 0.05  # [s] of lost samples that lines between the others bridge, at most
-SWEPT = 8.0, 130.0  # [Hz] of lines that Klipper's own sweep of 5 to 133 Hz excites
+LOWEST, BEYOND = 10.0, 1.55  # [Hz] of its lines; the last is at 1.5 of the end of the sweep
 
 
 def read_vibration(path: Path) -> Vibration:
@@ -38,7 +38,7 @@ def read_vibration(path: Path) -> Vibration:
     if names == TIMES:
         return _sampled(first, values)
     f = np.linspace(first[0], first[-1], len(first))  # even, but printed to 0.1 Hz
-    seen = (f >= SWEPT[0]) & (f <= SWEPT[1])
+    seen = (f >= LOWEST) & (f <= f[-1] / BEYOND)
     if seen.sum() < 20 or np.abs(f - first).max() > 0.1 or not (values[seen] > 0).all():
         raise ValueError("holds no densities above zero at 20 even frequencies, as Klipper's files")
     divided = any("mzv" in name for name in table)
