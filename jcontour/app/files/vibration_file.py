@@ -23,7 +23,7 @@ LOWEST, BEYOND = 10.0, 1.55  # [Hz] of its lines; the last is at 1.5 of the end 
 
 
 def read_vibration(path: Path) -> Vibration:
-    """The spectrum of a sweep.
+    """Response of a tool that a sweep shakes.
 
     Raises:
         ValueError: a number is missing, samples are clipped or uneven, the unit is not known, or no
