@@ -2,7 +2,6 @@ from .contouring.schemes import CommandShaped as CommandShaped
 from .contouring.schemes import ConstantCoupling as ConstantCoupling
 from .contouring.schemes import CrossCoupled as CrossCoupled
 from .contouring.schemes import CrossGains as CrossGains
-from .contouring.schemes import Polar as Polar
 from .contouring.schemes import Precompensated as Precompensated
 from .contouring.schemes import TaskFrame as TaskFrame
 from .contouring.schemes import VariableCoupling as VariableCoupling

@@ -155,7 +155,6 @@ CONTROLLERS = {  # name -> module and class
     "task-frame": "jcontour.app.designs.contouring_schemes:TaskFrameCascade",
     "precompensation": "jcontour.app.designs.contouring_schemes:PrecompensatedCascade",
     "command-shaping": "jcontour.app.designs.contouring_schemes:ShapedCascade",
-    "polar": "jcontour.app.designs.contouring_schemes:PolarCascade",
     "synchronised": "jcontour.app.designs.synchronised:SynchronisedAxes",
     "master-slave": "jcontour.app.designs.synchronised:MasterSlaveDrives",
     "sliding-mode": "jcontour.app.designs.any_machine:BoundaryLayerSliding",
