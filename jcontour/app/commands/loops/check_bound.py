@@ -14,6 +14,7 @@ import xarray as xr
 from rich.console import Console
 
 from jcontour.app.files import run_folder
+from jcontour.app.files.checks import named
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
@@ -269,10 +270,8 @@ def certified_runs(
     )
     for job, (name, plant, counting) in product(loop.jobs, list(plants)):
         reference = job.reference(machine.model.dt, controller.preview)
-        try:
+        with named(f"{job.name}, {name}"):
             bound = certificate(plant, controller, reference, box)
-        except ValueError as error:
-            raise ValueError(f"{job.name}, {name}: {error}") from None
         attacks = bound.attacks()
         errors = [_error(attack.on(plant), controller, reference) for attack in attacks]
         most = int(np.argmax([_largest(error, bound) for error in errors]))

@@ -1,5 +1,6 @@
 """`jcontour identify RAW_X RAW_Y`: the resonances of axes, from records of an accelerometer."""
 
+from jcontour.app.files.checks import named
 from jcontour.app.files.results.machine_results import VibrationResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.vibration_file import read_vibration
@@ -20,14 +21,12 @@ def command(flags: Identify) -> int:
     """Read, fit, store and print; exit code."""
     axes, figures = {}, {}
     for path in filter(None, (flags.data, flags.other)):
-        try:
+        with named(path):
             vibration = read_vibration(path)
             name = "XYZ"[vibration.axis]
             if name in axes:
                 raise ValueError(f"shakes {name}, as the other file does; give records of two axes")
             axes[name] = resonances(vibration)
-        except ValueError as error:
-            raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
         figures[name] = vibration_figure(name, vibration, axes[name])
     folder, result = created(flags, "identify"), VibrationResult(axes)
     for name, figure in figures.items():
