@@ -10,12 +10,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from rich.console import Console
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import named
-from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.netcdf import Variables, save_variables
 from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.files.results.stored import write_result
@@ -213,7 +212,9 @@ def verdict_on(
 def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
     """The attack of the largest bound, for a replay, and what it was made for."""
     machine, certificate = loop.machine, one.certificate
-    data = {
+    time = one.reference.dt * np.arange(certificate.bound.size)
+    data: Variables = {
+        "time": (("time",), time, {"units": "s"}),
         "force": (("time", "input"), one.attack.force, {"units": machine.control_unit}),
         "noise": (("time", "sensor"), one.attack.noise, {"units": "m"}),
         "bound": (("time",), certificate.bound, {"units": "m"}),
@@ -221,7 +222,6 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
         "nominal": (("time",), certificate.nominal, {"units": "m"}),
         "scored": (("time",), certificate.scored.astype("i1"), {"long_name": "1 where it counts"}),
     }
-    time = one.reference.dt * np.arange(certificate.bound.size)
     title = {
         "title": "jcontour check: attack on the largest bound",
         "contour": one.row.contour,
@@ -229,7 +229,7 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
         "attacked_sample": certificate.worst,
         **run_folder.versions(),
     }
-    save_dataset(xr.Dataset(data, {"time": ("time", time, {"units": "s"})}, title), folder / ATTACK)
+    save_variables(data, title, folder / ATTACK)
 
 
 def show_certified(result: CertifiedResult, console: Console) -> None:
