@@ -1,6 +1,4 @@
-import json
 from functools import cache
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -24,10 +22,9 @@ from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, the
 from jcontour.plants.friction import Friction
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
-ROWS = json.loads(
-    (Path(__file__).parents[3] / "data" / "single_axis" / "metrics_only.json").read_text()
-)
+ROWS = numbers_of("single_axis/metrics_only")
 DT, B0 = 1e-3, 79.33 / 39.62
 FORMS = {"exact": ExactLESO, "euler": EulerLESO, "current": CurrentLESO}
 
