@@ -1,7 +1,7 @@
 """Records of a tool on springs that Klipper's TEST_RESONANCES shakes, simulated."""
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import cont2discrete, lfilter, square
 
 FINE = 4  # steps of the simulation in a sample
 GRAVITY = (0.3, -0.5, 9.7)  # with the offset of a sensor [m/s^2]
@@ -15,16 +15,11 @@ def shaken(
     The command is a square wave of `per_hz` f, whose f rises by 2 Hz a second. Each mode is a mass
     on a spring and a damper, of frequency [Hz], damping and share.
     """
-    f, sign, ends, levels = 5.0, 1.0, [0.0], []
-    while f <= highest:
-        for level in (sign, -sign):
-            ends.append(ends[-1] + 0.25 / f)
-            levels.append(level * per_hz * f)
-        f, sign = f + 2 * 2 * 0.25 / f, -sign
-    dt = 1 / (FINE * rate)
-    time = np.arange(-rest, ends[-1] + rest, dt)
-    at = np.searchsorted(ends, time, side="right") - 1
-    command = np.where((at >= 0) & (at < len(levels)), np.take(levels, at, mode="clip"), 0.0)
+    dt, lasts = 1 / (FINE * rate), (highest - 5) / 2
+    time = np.arange(-rest, lasts + rest, dt)
+    f = 5 + 2 * time
+    wave = square(2 * np.pi * (5 + time) * time + np.pi / 2)  # starts in the middle of a half wave
+    command = np.where((time >= 0) & (time < lasts), per_hz * f * wave, 0.0)
     moved = np.zeros(len(time))
     for hertz, zeta, share in modes:
         w = 2 * np.pi * hertz
