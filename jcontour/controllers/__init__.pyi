@@ -65,7 +65,6 @@ from .lq.scheduled_lq import ScheduledLQ as ScheduledLQ
 from .observers.disturbance_observer import DisturbanceObserver as DisturbanceObserver
 from .observers.disturbance_observer import ReducedObserver as ReducedObserver
 from .observers.disturbance_observer import TimeDelayControl as TimeDelayControl
-from .observers.extended_state_observers import NLESO as NLESO
 from .observers.extended_state_observers import CurrentLESO as CurrentLESO
 from .observers.extended_state_observers import DisturbanceRejection as DisturbanceRejection
 from .observers.extended_state_observers import EulerLESO as EulerLESO

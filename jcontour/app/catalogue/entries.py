@@ -126,7 +126,6 @@ CONTROLLERS = {  # name -> module and class
     "cascade-leso": "jcontour.app.designs.flexible_axis:AxisRejection",
     "cascade-leso-exact": "jcontour.app.designs.flexible_axis:AxisExactRejection",
     "cascade-leso-euler": "jcontour.app.designs.flexible_axis:AxisEulerRejection",
-    "cascade-nleso": "jcontour.app.designs.flexible_axis:AxisNonlinearRejection",
     "cascade-dob": "jcontour.app.designs.flexible_axis:AxisDisturbanceObserver",
     "time-delay": "jcontour.app.designs.flexible_axis:AxisTimeDelay",
     "pole-placement": "jcontour.app.designs.flexible_axis:AxisPoles",
