@@ -85,7 +85,7 @@ class PathPlan(eqx.Module):
 class OnPath(Controller):
     """Common part of the contouring schemes around the cascade of a biaxial machine."""
 
-    cascade: eqx.AbstractVar[Cascade]
+    cascade: Cascade
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -120,7 +120,6 @@ class CommandShaped(OnPath):
         ValueError: the gain is negative or not finite.
     """
 
-    cascade: Cascade
     gain: Float[Array, ""] = eqx.field(converter=numbers)
 
     def __check_init__(self):
@@ -157,7 +156,6 @@ class Precompensated(OnPath):
         ValueError: the gain is negative or not finite.
     """
 
-    cascade: Cascade
     gain: Float[Array, ""] = eqx.field(converter=numbers)
 
     def __check_init__(self):
@@ -191,8 +189,6 @@ class TaskFrame(OnPath):
     Args:
         cascade: the axes; the two entries of its position gain are k_along and k_across [1/s].
     """
-
-    cascade: Cascade
 
     def step(
         self, memory, plan: PathPlan, measurement
@@ -276,7 +272,6 @@ class CrossCoupled(OnPath):
         coupling: `ConstantCoupling` or `VariableCoupling`.
     """
 
-    cascade: Cascade
     gains: CrossGains
     coupling: Coupling
 
