@@ -40,18 +40,19 @@ def stored(paper: str) -> Path:
     return HERE / "papers" / paper.replace("-", "_") / "stored.json"
 
 
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
 def store(run: Path) -> Path:
     """Keep statements and tables of a run.
 
     Raises:
         ValueError: the run was a quick one, which decides less.
     """
-    values, settings = (
-        json.loads((run / name).read_text(encoding="utf-8"))
-        for name in ("result.json", "settings.json")
-    )
+    values, settings = _read(run / "result.json"), _read(run / "settings.json")
     if settings["command"] == "rank":
-        rankings = json.loads(RANKINGS.read_text(encoding="utf-8")) if RANKINGS.exists() else {}
+        rankings = _read(RANKINGS) if RANKINGS.exists() else {}
         rows = rankings.setdefault(values["machine"]["name"], {})
         kept = ("held_out", "peak_sensitivity", "evaluations", "stationary", "feasible", "failure")
         rows |= {row["label"]: [row.get(name) for name in kept] for row in values["rows"]}
@@ -68,19 +69,15 @@ def store(run: Path) -> Path:
 def _made(place: re.Match[str]) -> str:
     what, number, name = place.groups()
     if what == "rates":
-        results = json.loads((HERE / "benchmarks" / "results.json").read_text(encoding="utf-8"))
-        last = results[name][-1]
+        last = _read(HERE / "benchmarks" / "results.json")[name][-1]
         rows = [[row, f"{rate:,.0f}"] for row, rate in last["rates"].items()]
         return _table([last["devices"], "per second"], rows)
     if what == "predictions":
-        records = HERE / "benchmarks" / "records" / f"{name}.json"
-        rows = [
-            [*list(row.values())[:-1], "yes" if row["holds"] else "**no**"]
-            for row in json.loads(records.read_text(encoding="utf-8"))
-        ]
+        records = _read(HERE / "benchmarks" / "records" / f"{name}.json")
+        rows = [[*list(row.values())[:-1], "yes" if row["holds"] else "**no**"] for row in records]
         return _table(["record", "quantity", "measured", "predicted", "holds"], rows)
     if what == "ranking":
-        ranked = json.loads(RANKINGS.read_text(encoding="utf-8"))[name].items()
+        ranked = _read(RANKINGS)[name].items()
         placed = sorted((row for row in ranked if row[1][0]), key=lambda row: row[1][0])
         best = placed[0][1][0]
         rows = [
@@ -102,7 +99,7 @@ def _made(place: re.Match[str]) -> str:
         return _table(
             ["controller", "held out, um", "over the best", "Ms", "points", "search"], rows
         )
-    run = json.loads(stored(name).read_text(encoding="utf-8"))
+    run = _read(stored(name))
     if what == "statements":
         keys = ("item", "claim", "finding", "verdict")
         rows = [[claim[key] for key in keys] for claim in run["claims"]]

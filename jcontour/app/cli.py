@@ -42,14 +42,6 @@ BY_FLAG = {  # flag of a command -> module that runs in its place, which loads l
     "excite": "jcontour.app.commands.machines.excite",
     "response": "jcontour.app.commands.machines.identify_response",
 }
-RENAMED = {  # earlier name of a command -> what does it now
-    "verify": "check RUN",
-    "certify": "check RUN --bound",
-    "compare": "report RUN RUN",
-    "trace": "simulate PART --controller mpcc",
-    "feed": "front PART --against feed",
-    "tolerance": "reproduce yuan-bounded",
-}
 BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
 TRACEBACK = "JCONTOUR_TRACEBACK"
 MEASURED = "0.10."  # versions of jaxlib whose compiler was measured
@@ -242,8 +234,6 @@ def _check_folders(flags: Any) -> None:
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("jcontour.app.commands.reproduce").chosen(arguments[1], arguments[2:])
-    if arguments and arguments[0] in RENAMED:
-        raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
     choices = tuple(
         Annotated[
             kind, tyro.conf.subcommand(name, prefix_name=False, description=rules.described(kind))

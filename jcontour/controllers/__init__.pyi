@@ -2,7 +2,6 @@ from .contouring.schemes import CommandShaped as CommandShaped
 from .contouring.schemes import ConstantCoupling as ConstantCoupling
 from .contouring.schemes import CrossCoupled as CrossCoupled
 from .contouring.schemes import CrossGains as CrossGains
-from .contouring.schemes import Polar as Polar
 from .contouring.schemes import Precompensated as Precompensated
 from .contouring.schemes import TaskFrame as TaskFrame
 from .contouring.schemes import VariableCoupling as VariableCoupling
@@ -66,7 +65,6 @@ from .lq.scheduled_lq import ScheduledLQ as ScheduledLQ
 from .observers.disturbance_observer import DisturbanceObserver as DisturbanceObserver
 from .observers.disturbance_observer import ReducedObserver as ReducedObserver
 from .observers.disturbance_observer import TimeDelayControl as TimeDelayControl
-from .observers.extended_state_observers import NLESO as NLESO
 from .observers.extended_state_observers import CurrentLESO as CurrentLESO
 from .observers.extended_state_observers import DisturbanceRejection as DisturbanceRejection
 from .observers.extended_state_observers import EulerLESO as EulerLESO

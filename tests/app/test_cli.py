@@ -14,7 +14,7 @@ import pytest
 from jcontour.app import cli
 from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_plant
-from jcontour.app.cli import RENAMED, main
+from jcontour.app.cli import main
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Tune
 
@@ -284,8 +284,3 @@ def test_who_has_seen_enough_hears_no_complaint():
     assert told.stderr.read() == b""
     assert told.wait() == 1
     told.stderr.close()
-
-
-@pytest.mark.parametrize("name", ["verify", "certify", "compare"])
-def test_an_earlier_name_answers_with_the_command_of_now(capsys, tmp_path, name):
-    refused(capsys, tmp_path, [name, "runs/first"], f"{name}: it is `jcontour {RENAMED[name]}` now")

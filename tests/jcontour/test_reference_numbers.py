@@ -3,9 +3,6 @@
 See tests/data/mcnab/README.md for their definitions.
 """
 
-import json
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -33,17 +30,13 @@ from jcontour.riccati.receding_horizon import CostToGo, one_stage_back
 from jcontour.simulation.closed_loop import prepared, simulate
 from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references
 from jcontour.simulation.metrics import score
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[1] / "data" / "mcnab"
 DT, RADIUS, ANGLE = 0.5e-3, 1e-3, 0.025  # s, m, rad per sample
 TERMINALS = {"output": OutputTerminal(), "dare": RiccatiTerminal()}
 
 
-def load(name):
-    return json.loads((DATA / f"{name}.json").read_text())
-
-
-CASES = {case["name"]: case for case in load("cases")}
+CASES = {case["name"]: case for case in numbers_of("mcnab/cases")}
 SLOW_CASES = {
     "helix3_output",
     "helix3_dare",
@@ -68,7 +61,7 @@ def weights_of(row):
 
 
 def plant_of(name):
-    return LinearPlant(*(load("plants")[name][part] for part in "ABC"), DT)
+    return LinearPlant(*(numbers_of("mcnab/plants")[name][part] for part in "ABC"), DT)
 
 
 def terminal_of(inputs):
@@ -193,7 +186,7 @@ def machine(gain_x=1.0, gain_y=1.0, delay=0):
 @pytest.fixture(scope="module")
 def family():
     """The five machines of tuning.json, the nominal one first."""
-    members = load("tuning")["robust"]["family"]
+    members = numbers_of("mcnab/tuning")["robust"]["family"]
     assert members[0] == {"delay": 0, "gx": 1, "gy": 1}
     return stack_plants([machine(m["gx"], m["gy"], m["delay"]) for m in members])
 
@@ -219,13 +212,13 @@ def check_rows(rows, family, reference):
 @pytest.mark.parametrize("terminal", ["dare", pytest.param("output", marks=pytest.mark.slow)])
 def test_circle_grid(terminal, family):
     reference = circle_reference(753, 10)
-    rows = [row for row in load("circle_grid") if row["terminal"] == terminal]
+    rows = [row for row in numbers_of("mcnab/circle_grid") if row["terminal"] == terminal]
     assert len(rows) == 30
     check_rows(rows, family, reference)
 
 
 def test_robust_optimum(family):
-    problem, reference = load("tuning")["robust"], circle_reference(753, 10)
+    problem, reference = numbers_of("mcnab/tuning")["robust"], circle_reference(753, 10)
     row = problem["rows"][0]
     metrics = on_family(
         family, bridgeport(), OutputTerminal(), 10, weights_of(row), reference, (502, 753)
@@ -240,7 +233,7 @@ def test_robust_optimum(family):
 
 @pytest.mark.slow
 def test_front_on_the_square():
-    problem, plant = load("tuning")["front"], bridgeport()
+    problem, plant = numbers_of("mcnab/tuning")["front"], bridgeport()
     reference = from_samples(problem["yd"], problem["r"], DT, 10, polyline(problem["path"]))
     assert reference.steps == 400
 
@@ -263,16 +256,15 @@ def test_front_on_the_square():
 @pytest.mark.parametrize(("terminal", "preview"), [("output", 1), ("output", 30), ("dare", 5)])
 def test_circle_preview_scan(terminal, preview, family):
     reference = circle_reference(753, preview)
-    rows = [
-        row for row in load("circle_np_scan") if (row["terminal"], row["Np"]) == (terminal, preview)
-    ]
+    scan = numbers_of("mcnab/circle_np_scan")
+    rows = [row for row in scan if (row["terminal"], row["Np"]) == (terminal, preview)]
     assert len(rows) == 2
     check_rows(rows, family, reference)
 
 
 @pytest.mark.parametrize("terminal", ["output", pytest.param("dare", marks=pytest.mark.slow)])
 def test_circle_gradients(terminal):
-    rows = [row for row in load("circle_gradients") if row["terminal"] == terminal]
+    rows = [row for row in numbers_of("mcnab/circle_gradients") if row["terminal"] == terminal]
     assert len(rows) == 3
     plant = bridgeport()
     reference = circle_reference(rows[0]["K"], 10)
@@ -298,7 +290,7 @@ def test_circle_gradients(terminal):
 
 @pytest.mark.parametrize("name", ["observer_filter", "observer_predictor"])
 def test_observer_cases(name):
-    case = next(case for case in load("observer_cases") if case["name"] == name)
+    case = next(case for case in numbers_of("mcnab/observer_cases") if case["name"] == name)
     inputs, outputs = case["inputs"], case["outputs"]
     plant = plant_of(inputs["plant"])
     reference = from_samples(inputs["yd"], inputs["r"], DT, inputs["Np"])

@@ -1,7 +1,5 @@
-import json
 import pickle
 from dataclasses import replace
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +14,7 @@ from jcontour.motion.references import along, from_samples
 from jcontour.plants.actuation import Delayed
 from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tests.reference_data import numbers_of
 from tuning import tuner
 from tuning.descents.stabilise import TRIES, loop_radii
 from tuning.objectives import (
@@ -31,7 +30,7 @@ from tuning.point import evaluate_point, rank
 from tuning.problem import THOROUGH, Problem
 from tuning.tuner import FEASIBLE, IN_ONE_STEP, TuneState, _scattered_point, advance, result, tune
 
-DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
+DATA = numbers_of("mcnab/tuning")
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
 CAREFUL = replace(THOROUGH, starts=1, scatter=0)
 QUICK = replace(THOROUGH, starts=2, scatter=4, spread=1.0, steps=20)

@@ -9,7 +9,7 @@ from typing import Any
 
 from jcontour.app.catalogue.entries import CONSTRAINED, CONTOURS, CONTROLLERS, MACHINES, PREFIXES
 from jcontour.app.catalogue.own_classes import FILE, check_ending, own_name, perhaps
-from jcontour.app.files.checks import EXAMPLE, MachineError
+from jcontour.app.files.checks import EXAMPLE, MachineError, named
 from jcontour.app.plain_numbers import named_numbers
 
 OF_JERK_LAW = {  # flags of the jerk-limited law, and what the other one does
@@ -140,12 +140,9 @@ def _check_lines(path: Path, flags: Any) -> None:
     feed = None if getattr(flags, "feed_mm_per_min", None) is None else 1.0
     table = getattr(flags, "tool_table", None)
     tools = None if table is None else read_tool_table(table)
-    try:
+    with named(path, ToolpathError):
         if path.suffix.lower() == ".csv":
             csv_points(lines_of(read_text(path))[:FIRST_LINES])
         else:
             lines = lines_of(read_program(path))
             interpreted(lines, 3, feed, files_beside(path), FIRST_LINES, tools)
-    except ToolpathError as error:
-        text = str(error)
-        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None

@@ -60,8 +60,7 @@ def _run(module: Any, name: str, flags: Flags) -> int:
     from jcontour.app.reports.tables import say
     from jcontour.app.runs.lifecycle import finished
 
-    place = flags.out or run_folder.default_folder(name)
-    folder = run_folder.create(place, f"reproduce {name}", flags, [])
+    folder = run_folder.create(flags.out, f"reproduce {name}", flags, [])
     tables = in_checkout("reproduce", "experiments.tables")
     verdicts = in_checkout("reproduce", "experiments.papers.verdicts")
     said = import_module(f"{module.__package__}.claims")

@@ -13,7 +13,6 @@ from jcontour.controllers.contouring.schemes import (
     Coupling,
     CrossCoupled,
     CrossGains,
-    Polar,
     Precompensated,
     TaskFrame,
     VariableCoupling,
@@ -64,23 +63,6 @@ class TaskFrameCascade(ContouringScheme):
 
     def build(self, weights: Gains) -> Controller:
         return TaskFrame(self.cascade(weights))
-
-
-class PolarCascade(ContouringScheme):
-    """P-PI cascades with a PI controller of the radial error (Chen, Liu & Ting).
-
-    It is weak beside the position loops. Its centre is the mean of the run's reference.
-    """
-
-    weights = (
-        *ContouringScheme.weights,
-        Weight("radial", "1/s", start=3.0),
-        Weight("radial_integral", "1/s^2", start=3.0),
-    )
-
-    def build(self, weights: Gains) -> Controller:
-        radial, integral = picked("radial radial_integral", weights)
-        return Polar(cascade=self.cascade(weights), radial=radial, integral=integral)
 
 
 class PrecompensatedCascade(ContouringScheme):

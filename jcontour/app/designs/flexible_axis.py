@@ -32,7 +32,6 @@ from jcontour.controllers.observers.disturbance_observer import (
     thesis_gain,
 )
 from jcontour.controllers.observers.extended_state_observers import (
-    NLESO,
     CurrentLESO,
     DisturbanceRejection,
     EulerLESO,
@@ -171,8 +170,7 @@ class AxisRejection(AxisCascade):
     def build(self, weights: Gains) -> Controller:
         p, machine = self.machine.parameters, self.machine
         b0 = _number(p.force_constant / p.motor_mass)
-        width = {name: weights[name] for name in ("delta",) if name in weights}
-        estimator = self.observer(weights["bandwidth"], b0, machine.model.dt, **width)
+        estimator = self.observer(weights["bandwidth"], b0, machine.model.dt)
         return DisturbanceRejection(super().build(weights), estimator, motors(len(machine.axes)))
 
 
@@ -186,19 +184,6 @@ class AxisEulerRejection(AxisRejection):
     """The same by forward Euler."""
 
     observer = EulerLESO
-
-
-class AxisNonlinearRejection(AxisRejection):
-    """P-PI cascade with a nonlinear extended state observer.
-
-    It weighs errors beyond ten encoder counts less.
-    """
-
-    weights = (
-        *AxisRejection.weights,
-        Weight("delta", "m", start=lambda machine: 10 * machine.encoder_resolution),
-    )
-    observer = NLESO
 
 
 class AxisDisturbanceObserver(AxisCascade):

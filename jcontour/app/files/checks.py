@@ -1,6 +1,8 @@
 """Faults of a file that a user wrote, each reported in one line."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,16 @@ LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 
 class MachineError(ValueError):
     """A file that cannot be used; one line: field, what was received, what is needed."""
+
+
+@contextmanager
+def named(what: object, kind: type[ValueError] = ValueError) -> Iterator[None]:
+    """Faults of the block as of one kind, each with what it is a fault of, where it lacks that."""
+    try:
+        yield
+    except ValueError as error:
+        text = str(error)
+        raise kind(text if str(what) in text else f"{what}: {text}") from None
 
 
 def bytes_of(path: Path, most: int) -> bytes:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.app.files.checks import ANGLE, METRES, RADIANS
+from jcontour.app.files.checks import ANGLE, METRES, RADIANS, named
 from jcontour.app.files.clock import SECONDS, likely_unit, longest_even_part, resampled
 from jcontour.app.files.log_table import Table, finite, read_table
 
@@ -79,10 +79,8 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     else:
         if len(stamps) != len(signals):
             raise ValueError(f"{path}: time has {len(stamps)} rows, the signals {len(signals)}")
-        try:
+        with named(path):
             part = longest_even_part(stamps)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
         dt, keep = part.dt, part.rows
         words += [part.words] if part.words else []
     if not PERIODS[0] <= dt <= PERIODS[1]:

@@ -20,6 +20,7 @@ SEPARATORS = "\t;"
 SPACES = r"\s+"
 TRACE = b"<traceData"  # in what a SINUMERIK saves of its servo trace
 PERIOD = re.compile(r"Sampling period is (\d+) nSec")  # above the samples of LinuxCNC's halscope
+KLIPPER = b"time,accel_x,accel_y,accel_z", b"freq,psd_x,psd_y,psd_z"  # heads of its accelerometer
 SCOPE = "Name"  # above the times of a TwinCAT scope, in the row that names its channels
 
 Table = dict[str, Float[np.ndarray, " T"]]
@@ -46,6 +47,11 @@ def read_table(path: Path) -> Table:
     if not table:
         raise ValueError(f"{path}: holds no column of numbers")
     return table
+
+
+def of_accelerometer(path: Path) -> bool:
+    """Whether a file is one that Klipper writes of its accelerometer."""
+    return any(head in bytes_of(path, MOST_BYTES)[:HEAD_BYTES] for head in KLIPPER)
 
 
 def finite(path: Path, name: str, values: Float[np.ndarray, " T"], above: int = 0) -> None:

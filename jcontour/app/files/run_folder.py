@@ -71,12 +71,15 @@ def check_named(command: str, folders: Sequence[Path]) -> None:
     )
 
 
-def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
+def create(folder: Path | None, command: str, flags: Any, inputs: list[Path]) -> Path:
     """Make a run folder with its settings and copies of the files it read, or nothing at all.
+
+    Where none is given, its name begins with the last word of the command.
 
     Raises:
         RunError: the folder already holds something, or cannot be made.
     """
+    folder = folder or default_folder(command.split()[-1])
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))

@@ -6,12 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from jcontour.app.flags.shared import (
-    ROLLOUTS,
-    Controlled,
-    Rollouts,
-    RunsCode,
-)
+from jcontour.app.flags.shared import ROLLOUTS, Controlled, MakesRun, Rollouts, RunsCode
 
 Fallback = Literal["stop", "hold", "soft"]
 
@@ -20,7 +15,7 @@ SOLVER = "daqp"  # exact to rounding and the fastest
 
 
 @dataclass(frozen=True)
-class Simulate(Controlled):
+class Simulate(Controlled, MakesRun):
     """Simulate one controller on one contour: table, figures, netCDF.
 
     With --controller mpcc or tracking-mpc a quadratic program is solved at every sample, on the
@@ -36,12 +31,10 @@ class Simulate(Controlled):
     Figures are drawn from all."""
     list_moves: bool = False  # a long program fills the screen
     """Print the moves of a program or a drawing as they were understood, and simulate nothing."""
-    out: Path | None = None
-    """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)
-class Precompensate(Controlled):
+class Precompensate(Controlled, MakesRun):
     """Bend the reference of a part beforehand, so that the tool of the whole family runs on it.
 
     The controller stays as it is: its drive runs the bent reference, as samples or as G-code. The
@@ -59,12 +52,10 @@ class Precompensate(Controlled):
     roughness: float = 0.01  # the least with which no run of ours shook an axis
     """Price of the bends of the correction. More is smoother and follows less.
     It is raised tenfold while a limit of the machine is exceeded."""
-    out: Path | None = None
-    """Run folder; runs/precompensate-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)
-class Learn(Controlled):
+class Learn(Controlled, MakesRun):
     """Learn a part lap by lap: error per lap, with encoder noise and parameter error.
 
     The law is norm-optimal: it knows the model and the direction of the path.
@@ -83,12 +74,10 @@ class Learn(Controlled):
     When not given, as often as the bound over the family needs."""
     seed: int = 0  # any number: the same one repeats the run
     """Seed of the encoder noise."""
-    out: Path | None = None
-    """Run folder; runs/learn-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)
-class Check(RunsCode):
+class Check(RunsCode, MakesRun):
     """Check a stored run: under the machine's limits, by a proof (--bound), or in a real control.
 
     Limits: a tuned run goes through constrained MPC with the same weights; the tables say where
@@ -124,12 +113,10 @@ class Check(RunsCode):
     encoder_um: float | None = None
     """--bound: largest error of every measured position [um]; half a count of each when not
     given."""
-    out: Path | None = None
-    """Run folder; runs/check-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)
-class Export(RunsCode):
+class Export(RunsCode, MakesRun):
     """Write the controller of a run as a law that streams: any part, hold, restart; and check it.
 
     C99 when no language is named.
@@ -150,5 +137,3 @@ class Export(RunsCode):
     """Contour of the run that the code is checked on; its first one when not given."""
     single: bool = False  # double is exact
     """Numbers in single precision, for drives without double."""
-    out: Path | None = None
-    """Run folder; runs/export-<time> when not given. It must not hold another run."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from jcontour.app.flags.shared import Common
+from jcontour.app.flags.shared import Common, MakesRun
 
 LengthUnit = Literal["m", "mm", "um"]
 PositionUnit = Literal["m", "mm", "um", "inch", "rad", "mrad", "deg", "rev"] | float
@@ -14,7 +14,7 @@ Takes = Literal["speed", "position", "force"]
 
 
 @dataclass(frozen=True)
-class Logged(Common):
+class Logged(MakesRun):
     """Columns of a log."""
 
     data: Positional[Path | None] = None
@@ -33,8 +33,6 @@ class Logged(Common):
     the metres of one."""
     period_ms: float | None = None
     """Sample period [ms]; a column of time is then not used."""
-    out: Path | None = None
-    """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +52,11 @@ class Identify(Logged):
     """Fit a machine to recorded data: a transfer function per axis, with delay and dry friction.
 
     A log of any program will do, in open or closed loop. Every number comes with its 95 % interval.
+    Of the records of an accelerometer (Klipper's raw_data_*.csv, resonances_*.csv): resonances.
     """
 
+    other: Positional[Path | None] = None
+    """Record of an accelerometer while another axis is shaken, where the first file is one."""
     demo: bool = False  # a file is expected
     """Instead of a file, take simulated data with counted, noisy encoders.
     The file is kept in the run folder."""

@@ -29,6 +29,14 @@ class Common:
 
 
 @dataclass(frozen=True)
+class MakesRun(Common):
+    """A command that makes a run folder."""
+
+    out: Path | None = None
+    """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
 class RunsCode(Common):
     """A command that may run a Python file of the user's from a run folder."""
 
@@ -155,13 +163,11 @@ class Limited(Controlled):
 
 
 @dataclass(frozen=True)
-class Storage(Limited):
+class Storage(Limited, MakesRun):
     """Run folder, random seed and devices; a run may go on elsewhere than it began."""
 
     seed: int = 0  # any number: the same one repeats the run
     """Seed of everything random: the points looked at before descending."""
-    out: Path | None = None
-    """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
     resume: Path | None = None
     """Go on with the run in this folder; its own settings hold."""
     devices: str = "1"  # so that a run ends in the same digits on every computer

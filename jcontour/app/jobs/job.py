@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jcontour.app.files.checks import named
 from jcontour.app.jobs.pace import Pace, TooLongError, check_duration
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
@@ -199,11 +200,8 @@ def from_file(path: Path, pace: Pace) -> Job:
         ToolpathError: as `read_csv`, `read_drawing` and `read_gcode`, or the file has another
             number of axes than the machine.
     """
-    try:
+    with named(path, ToolpathError):  # faults of the motion, too
         return _read(path, pace)
-    except ValueError as error:  # of the motion, too
-        text = str(error)
-        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
 
 
 def _read(path: Path, pace: Pace) -> Job:

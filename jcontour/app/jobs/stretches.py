@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.app.jobs.job import ENTRY, Job, Task, behind_entry
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.contours import SMALLEST, from_pieces
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.references import along
@@ -20,7 +20,7 @@ def moved(contour: Contour, by: Float[np.ndarray, " m"]) -> Contour:
     missing = by.size - contour.axes
     if missing < 0:
         raise ValueError(f"by: needs at least {contour.axes} axes, received {by.size}")
-    pieces = _host_pieces(contour)
+    pieces = unpadded(contour)
     polynomial = _widened(pieces.polynomial, missing)
     polynomial[:, 0] += by
     cosine, sine = _widened(pieces.cosine, missing), _widened(pieces.sine, missing)
@@ -33,7 +33,7 @@ def beginning(contour: Contour, length: float) -> Contour:
         raise ValueError(f"length: needs to be above zero, received {length}")
     if length >= float(contour.length):
         return contour
-    pieces = _host_pieces(contour)
+    pieces = unpadded(contour)
     extent = np.minimum(pieces.extent, length - pieces.start)
     kept = extent > 0
     pieces = jax.tree.map(lambda rows: rows[kept], pieces._replace(extent=extent))
@@ -45,7 +45,7 @@ def between(contour: Contour, low: float, high: float) -> Contour:
     length = float(contour.length)
     if not 0 <= low < high <= length * (1 + 1e-12):
         raise ValueError(f"low, high: needs 0 <= low < high <= {length:g}, received {low}, {high}")
-    pieces = _host_pieces(contour)
+    pieces = unpadded(contour)
     cut = np.clip(low - pieces.start, 0.0, pieces.extent)
     extent = np.minimum(pieces.extent, high - pieces.start) - cut
     kept = extent > SMALLEST
@@ -67,7 +67,7 @@ def between(contour: Contour, low: float, high: float) -> Contour:
 
 def greatest_curvature(contour: Contour) -> float:
     """Greatest curvature [1/m] on the pieces of a contour; corners between them have none."""
-    pieces = jax.tree.map(lambda rows: rows[:, None], _host_pieces(contour))
+    pieces = jax.tree.map(lambda rows: rows[:, None], unpadded(contour))
     _, velocity, acceleration = pieces.jet(np.linspace(0.0, 1.0, PLACES) * pieces.extent)
     square = np.sum(velocity**2, axis=-1, keepdims=True)
     along = np.sum(acceleration * velocity, axis=-1, keepdims=True) / square * velocity
@@ -76,7 +76,7 @@ def greatest_curvature(contour: Contour) -> float:
 
 def corner_angles(contour: Contour) -> Float[np.ndarray, " corners"]:
     """Changes of direction [rad] between a piece and the next, around a closed contour."""
-    pieces = _host_pieces(contour)
+    pieces = unpadded(contour)
     before = pieces.jet(pieces.extent)[1]
     after = np.roll(pieces.jet(np.zeros(pieces.extent.size))[1], -1, axis=0)
     last = None if bool(contour.closed) else -1
@@ -112,11 +112,6 @@ def shortened(job: Job, samples: int) -> Job:
         return job
     arc = job.arc[: ENTRY + samples]
     return job._replace(arc=arc, scored=behind_entry(arc.size))
-
-
-def _host_pieces(contour: Contour) -> Piece:
-    used = np.asarray(contour.mask)
-    return jax.tree.map(lambda rows: np.asarray(rows)[used], contour.pieces)
 
 
 def _like(contour: Contour, pieces: Piece) -> Contour:

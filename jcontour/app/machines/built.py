@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jcontour.app.files.checks import METRES
+from jcontour.app.files.checks import METRES, named
 from jcontour.app.files.log_file import read_step
 from jcontour.app.files.machine_file import MOST_DELAY
 from jcontour.app.flags.machines import Machine
@@ -173,10 +173,8 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
     for path, one in zip(flags.steps, records, strict=True):
         warnings.extend(f"{path}: {said}" for said in one.words[1:])  # behind names of columns
     for name, path, one in zip(flags.axes, flags.steps, records, strict=True):
-        try:
+        with named(path):
             fit = fit_step(one.command[:, 0], one.position[:, 0], one.dt, flags.takes)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
         make = speed_axis if flags.takes == "speed" else position_axis
         axes.append(make(fit.gain, fit.time_constant, fit.delay))
         words.append(

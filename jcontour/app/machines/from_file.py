@@ -54,10 +54,8 @@ def load_machine(path: str | Path) -> Machine:
     """
     path = Path(path)
     content = checks.bytes_of(path, MOST_BYTES)
-    try:
+    with checks.named(path, MachineError):
         return machine_from(content, path.stem)
-    except MachineError as error:
-        raise MachineError(f"{path}: {error}") from None
 
 
 def machine_from(content: bytes, name: str = "machine") -> Machine:
@@ -258,7 +256,5 @@ def _check(A: np.ndarray, B: np.ndarray, C: np.ndarray, model: LinearPlant) -> N
                 raise MachineError(
                     f"{name}: a mode of A that does not die out (eigenvalue {value:.6g}) {missing}"
                 )
-    try:
+    with checks.named("A, B, C", MachineError):
         steady_motion(model)
-    except ValueError as error:
-        raise MachineError(f"A, B, C: {error}") from None

@@ -1,17 +1,16 @@
 """Extended state observers: a third state estimates a motor's disturbance, and is cancelled.
 
-    dx = v + l1 phi1(e),   dv = b0 u + zeta + l2 phi2(e),   dzeta = l3 phi3(e)      (Yuan, eq. 2.10)
+    dx = v + l1 e,   dv = b0 u + zeta + l2 e,   dzeta = l3 e                (Yuan, eq. 2.10)
     e = y - x,   u = u_inner - zeta / b0,   b0 = k_t / M_m
 The disturbance zeta is everything beyond a double integrator. y is the measured position of the
 motor, u the control that acts, after the subtraction. Every step first updates the estimate, then
-subtracts. The linear observer (LESO) has phi_i(e) = e and all three poles at the bandwidth w:
-l = (3 w, 3 w^2, w^3). The thesis does not say how it is sampled, so there are three forms:
+subtracts. The observer is linear (LESO), all three poles at the bandwidth w: l = (3 w, 3 w^2, w^3).
+The thesis does not say how it is sampled, so there are three forms:
 
     ExactLESO    zero-order hold of u and y of the previous sample; stable at any bandwidth
     EulerLESO    the same by forward Euler; unstable where w dt >= 2
     CurrentLESO  exact prediction, then correction by the newest y; all poles at exp(-w dt)
-The third form is no sample late. The nonlinear observer (NLESO) is the third form with large errors
-weighed less, against peaking.
+The third form is no sample late.
 """
 
 import abc
@@ -21,7 +20,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import (
@@ -128,47 +126,10 @@ class CurrentLESO(ExtendedStateObserver):
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
         """Prediction, then correction by e."""
         predicted = _predicted(estimate, self.input_gain * control, self.dt)
-        error = now - predicted.position
-        return _corrected(predicted, (error, error, error), self.bandwidth, self.dt)
-
-
-class NLESO(ExtendedStateObserver):
-    """Nonlinear current estimator: Han's function fal replaces the error e.
-
-        phi_i(e) = e  for |e| <= delta,   sign(e) delta (|e| / delta)^a_i  beyond
-    It is scaled to a slope of one, so that small errors see the LESO.
-
-    Args:
-        bandwidth: bandwidth of the LESO inside `delta` [rad/s].
-        input_gain: b0 [m/s^2 per unit of the control].
-        dt: sample period [s].
-        delta: the largest error treated linearly [m].
-        exponents: a_i of the three states, from 0 to 1.
-
-    Raises:
-        ValueError: `delta` is not above zero or an exponent not from 0 to 1; or as every observer.
-    """
-
-    delta: PerAxis = eqx.field(converter=numbers)
-    # Han's choice for three states
-    exponents: Float[Array, "3"] = eqx.field(converter=numbers, default=(1.0, 0.5, 0.25))
-
-    def __check_init__(self):
-        if is_concrete(self.delta) and not np.all(np.asarray(self.delta) > 0):
-            raise ValueError(f"delta: needs to be above zero, received {self.delta}")
-        if is_concrete(self.exponents):
-            exponents = np.asarray(self.exponents)
-            if not np.all((exponents >= 0) & (exponents <= 1)):
-                raise ValueError(f"exponents: need to be from 0 to 1, received {self.exponents}")
-
-    def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
-        """Prediction, then correction by phi_i(e)."""
-        predicted = _predicted(estimate, self.input_gain * control, self.dt)
-        scaled = (now - predicted.position) / self.delta
-        # one inside delta: the power is then one, with a finite slope
-        size = jnp.maximum(jnp.abs(scaled), 1.0)
-        errors = [self.delta * scaled * size ** (a - 1) for a in self.exponents]
-        return _corrected(predicted, errors, self.bandwidth, self.dt)
+        error, w, T = now - predicted.position, self.bandwidth, self.dt
+        p = jnp.exp(-w * T)
+        gains = (1 - p**3, 3 * (1 - p) ** 2 * (1 + p) / (2 * T), (1 - p) ** 3 / T**2)
+        return Estimate(*(z + gain * error for z, gain in zip(predicted, gains, strict=True)))
 
 
 class RejectionMemory(NamedTuple):
@@ -237,10 +198,3 @@ def _predicted(estimate: Estimate, acceleration: Axes, T: float) -> Estimate:
         estimate.speed + T * total,
         estimate.disturbance,
     )
-
-
-def _corrected(predicted: Estimate, errors, w: PerAxis, T: float) -> Estimate:
-    p = jnp.exp(-w * T)
-    gains = (1 - p**3, 3 * (1 - p) ** 2 * (1 + p) / (2 * T), (1 - p) ** 3 / T**2)
-    parts = zip(predicted, gains, errors, strict=True)
-    return Estimate(*(state + gain * error for state, gain, error in parts))

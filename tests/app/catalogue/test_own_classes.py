@@ -307,11 +307,6 @@ def test_faults_are_told_in_one_line(capsys, monkeypatch, files, flag, name, say
     assert captured.out == "" and not (files / "runs").exists()
 
 
-def test_a_control_that_would_be_broadcast_is_refused(files):
-    with pytest.raises(ValueError, match=r"control needs shape \(2,\), received \(1,\)"):
-        design(files, "OneNumber", f"{files / 'plants.py'}:Sliding")
-
-
 @pytest.mark.slow
 def test_linear_designs_run_on_a_linear_plant_of_a_file(files):
     machine = machine_named(f"{files / 'plants.py'}:linear")

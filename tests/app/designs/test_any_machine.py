@@ -29,7 +29,6 @@ SUITED = {  # others, each on a machine that suits it
     "cross-coupled-lq": "xy-table",
     "causal-inverse": "xy-table",
     "flexible-causal-inverse": "flexible-axis",
-    "polar": "flexible-axes",
     "master-slave": "gantry",
 }
 

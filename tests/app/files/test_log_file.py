@@ -64,23 +64,15 @@ def test_commands_may_say_their_unit(tmp_path):
     assert np.allclose(read_log(path, ("X", "Y"), LogColumns()).command, signals[:, :2])
 
 
-def test_units_in_names_and_names_by_flags(tmp_path):
-    heads = ("t_ms", "ux", "uy", "qx_um", "qy_m")
-    path, signals = written(tmp_path, 1e3 * TIME, heads)
-    columns = LogColumns(command=("UX", "uy"), position=("qx_um", "qy_m"))
-    log = read_log(path, ("X", "Y"), columns)
-    assert log.dt == pytest.approx(0.002)
-    assert np.allclose(log.position, signals[:, 2:] * [1e-6, 1.0])
-
-
 @pytest.mark.parametrize(
     ("heads", "metre"),
     [
+        (("t_ms", "A", "b", "qx_um", "qy_m"), 1e-6),
         (("Time [ms]", "a", "b", "Act X [um]", "q [m]"), 1e-6),
         (("t (ms)", "a", "b", "c", "d_m"), 1e-3),
     ],
 )
-def test_units_in_brackets(tmp_path, heads, metre):
+def test_units_in_names_and_names_by_flags(tmp_path, heads, metre):
     path, signals = written(tmp_path, 1e3 * TIME, heads)
     log = read_log(path, ("X", "Y"), LogColumns(None, ("a", "b"), heads[3:]))
     assert log.dt == pytest.approx(0.002)

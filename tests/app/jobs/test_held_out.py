@@ -149,14 +149,6 @@ def test_a_smooth_part_has_a_rounded_square(part):
     assert [one.name for one in held_out] == [*ROUND, "rounded-square"]
 
 
-def test_small_curves_of_a_large_part(part):
-    """Two holes of 2 mm radius, 300 mm apart."""
-    job = part("G0 X2 Y0\nG2 I-2 F600\nG0 X302\nG2 I-2\n")
-    contours = held_out_like([job], pace_of("bridgeport"))
-    assert 1 / float(contours[0].contour.curvature(0.0)) == pytest.approx(2e-3, rel=0.05)
-    np.testing.assert_allclose(contours[0].contour.position(0.0), [0.152, 0.0], atol=3e-3)
-
-
 @pytest.mark.parametrize(("points", "least"), [(721, 0.99), (5, 0.01)])
 def test_large_and_slow_parts_have_short_contours(part, points, least):
     """38 s along a circle of 100 mm, or a square: half a second along each, corners passed."""
@@ -204,16 +196,14 @@ def test_most_parts_decide(part):
     assert held_out_like([job, ring, job], pace)[0].at_rest
 
 
-def test_no_parts():
-    with pytest.raises(ValueError, match="jobs: needs at least one part"):
-        held_out_like([], pace_of("bridgeport"))
-
-
-def test_a_single_axis():
-    with pytest.raises(ValueError, match="jobs: .*flexible-axis has 1"):
-        held_out_like(
-            [at_constant_feed("c", circle(1e-3), pace_of("bridgeport"))], pace_of("flexible-axis")
-        )
+@pytest.mark.parametrize(
+    ("name", "parts", "words"),
+    [("bridgeport", 0, "needs at least one part"), ("flexible-axis", 1, "flexible-axis has 1")],
+)
+def test_no_parts_and_a_single_axis_are_refused(name, parts, words):
+    ring = at_constant_feed("ring", circle(1e-3), pace_of("bridgeport"))
+    with pytest.raises(ValueError, match=f"jobs: .*{words}"):
+        held_out_like([ring] * parts, pace_of(name))
 
 
 @pytest.fixture(scope="module")
@@ -269,12 +259,15 @@ def test_a_straight_part_has_its_half_diagonal(part, scale):
 
 
 def test_rapid_moves_do_not_count(part, scale):
-    """Two holes of 2 mm radius, 80 mm apart: large part, small curves."""
-    holes = "G0 X2 Y0\nG2 I-2 F600\nG0 X82\nG2 I-2\n"
-    size = scale(part(holes))
+    """Two holes of 2 mm radius, 80 mm apart: large part, small curves, between the holes."""
+    job = part("G0 X2 Y0\nG2 I-2 F600\nG0 X82\nG2 I-2\n")
+    size = scale(job)
     assert size.radius == pytest.approx(2e-3, rel=0.05)
     assert size.half_diagonal == pytest.approx(0.5e-3 * np.hypot(84, 4), rel=0.02)
     assert size.feed == pytest.approx(0.01, rel=0.01)
+    contour = held_out_like([job], pace_of("bridgeport"))[0].contour
+    assert 1 / float(contour.curvature(0.0)) == pytest.approx(2e-3, rel=0.05)
+    np.testing.assert_allclose(contour.position(0.0), [0.042, 0.0], atol=3e-3)
 
 
 @pytest.mark.parametrize(("slow", "feed"), [(30, 1200), (10, 3000)])
@@ -303,18 +296,18 @@ def test_sharpest_corner(pace, part):
     assert sharpest_corner(part("0,0\n1,0\n", "line.csv")) == 0.0
 
 
-def test_where_a_part_ends_is_no_corner(part):
-    """From rest to rest around a triangle: two corners are passed, of 135 and 90 degrees."""
-    job = part("G1 X4 F600\nG1 X0 Y4\nG1 X0 Y0\n")
-    assert sharpest_corner(job) == pytest.approx(0.75 * np.pi)
-    assert sharpest_corner(part("G1 X4 F600\nG1 Y4\nG1 X0 Y0\n")) == pytest.approx(0.75 * np.pi)
-    right = part("G1 X0 Y4 F600\nG1 X0 Y0\nG1 X4\n")
-    assert sharpest_corner(right) == pytest.approx(np.pi)
-
-
-def test_corners_beside_rapid_moves_do_not_count(part):
-    job = part("G1 X10 F600\nG0 Y5\nG1 X0\n")
-    assert sharpest_corner(job) == 0.0
+@pytest.mark.parametrize(
+    ("moves", "angle"),
+    [
+        # from rest to rest around a triangle: two corners are passed
+        ("G1 X4 F600\nG1 X0 Y4\nG1 X0 Y0\n", 135),
+        ("G1 X4 F600\nG1 Y4\nG1 X0 Y0\n", 135),
+        ("G1 X0 Y4 F600\nG1 X0 Y0\nG1 X4\n", 180),
+        ("G1 X10 F600\nG0 Y5\nG1 X0\n", 0),  # beside rapid moves
+    ],
+)
+def test_ends_and_rapid_moves_make_no_corner(part, moves, angle):
+    assert sharpest_corner(part(moves)) == pytest.approx(np.radians(angle))
 
 
 @pytest.mark.parametrize(("rounding", "radius"), [(0.0, 0.0), (0.1, 0.2), (0.4, 0.8)])

@@ -9,12 +9,17 @@ from hypothesis import strategies as st
 import jcontour.app.machines
 from jcontour.app.files.checks import MachineError
 from jcontour.app.machines.from_file import load_machine, machine_from
-from jcontour.app.machines.linear import LinearMachine, bridgeport_machine
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import Machine
 from jcontour.linear.plant import steady_motion
 
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
 FIELDS = json.loads(EXAMPLE.read_text())
+
+
+def made(**change):
+    """The example with other fields."""
+    return machine_from(json.dumps(FIELDS | change).encode(), "example")
 
 
 def measured(*hertz, **other):
@@ -26,27 +31,17 @@ def measured(*hertz, **other):
 
 def test_what_was_measured_is_behind_each_control():
     lines = {**measured([5.0], [5.0, 50.0]), "real": [[0.1], [0.0, 0.2]]}
-    fields = {**FIELDS, "uncertainty": {"measured": lines}}
-    first, second = machine_from(json.dumps(fields).encode()).measured
+    first, second = made(uncertainty={"measured": lines}).measured
     assert first.error.tolist() == [0.1] and second.error.tolist() == [0.0, 0.2]
     assert second.frequency == pytest.approx(2 * np.pi * FIELDS["dt"] * np.array([5.0, 50.0]))
-    assert machine_from(json.dumps(FIELDS).encode()).measured == ()
+    assert made().measured == ()
 
 
 def test_responses_of_a_softer_coupling_stand_beside_what_was_measured():
-    fields = {**FIELDS, "uncertainty": {"other_amplitudes": measured([7.0, 9.0], [])}}
-    machine = machine_from(json.dumps(fields).encode())
+    machine = made(uncertainty={"other_amplitudes": measured([7.0, 9.0], [])})
     first, second = machine.response_uncertainty.other_amplitudes
     assert first.frequency == pytest.approx(2 * np.pi * FIELDS["dt"] * np.array([7.0, 9.0]))
     assert machine.measured == () and not second.frequency.size
-
-
-def test_friction_of_null_is_not_known():
-    unknown = machine_from(json.dumps({**FIELDS, "friction": None}).encode(), "unknown")
-    assert isinstance(unknown, LinearMachine) and unknown.friction is None
-    assert unknown.description()["Friction"].startswith("not known")
-    none = machine_from(json.dumps({**FIELDS, "friction": 0.0}).encode(), "none")
-    assert "Friction" not in none.description()
 
 
 def test_example_in_metres():
@@ -65,20 +60,17 @@ def test_example_in_metres():
 
 def test_friction_at_rest_needs_friction_and_a_speed():
     more = {"stribeck_friction": [0.2, 0.0], "stribeck_speed": 5.0}
-    fields = {**FIELDS, "length_unit": "mm", "friction": 0.5, **more}
-    machine = machine_from(json.dumps(fields).encode())
+    fields = {"length_unit": "mm", "friction": 0.5, **more}
+    machine = made(**fields)
     assert machine.stribeck[0].tolist() == [0.2, 0.0] and machine.stribeck[1] == 5e-3
     assert machine.largest_friction == pytest.approx(0.7)
     for missing in ("stribeck_speed", "friction"):
         with pytest.raises(MachineError, match="stribeck_friction: needs"):
-            machine_from(json.dumps({**fields, missing: None}).encode())
+            made(**fields | {missing: None})
 
 
 def test_encoders_count_alike_or_each_by_its_own():
-    mixed, alike = (
-        machine_from(json.dumps({**FIELDS, "encoder_resolution": counts}).encode())
-        for counts in ([0.001, 0.005], [0.005, 0.005])
-    )
+    mixed, alike = (made(encoder_resolution=counts) for counts in ([0.001, 0.005], [0.005, 0.005]))
     assert mixed.resolution == pytest.approx(np.array([1e-6, 5e-6]))
     assert mixed.description()["Measured"].endswith("encoder 1, 5 um")
     assert alike.resolution == 0.005 * 1e-3  # one number
@@ -98,11 +90,8 @@ def test_a_machine_is_controllable_whatever_the_unit_of_its_control(unit):
     """A late axis counts its control in steps of the position: an amount of any size."""
     B = (np.array(FIELDS["B"]) * unit).tolist()
     limits = FIELDS["limits"] | {"control": 1 / unit, "increment": 1 / unit}
-    machine = machine_from(
-        json.dumps(FIELDS | {"B": B, "limits": limits, "known_delay": 3}).encode()
-    )
-    maps = steady_motion(machine.model)
-    usual = steady_motion(machine_from(json.dumps(FIELDS | {"known_delay": 3}).encode()).model)
+    maps = steady_motion(made(B=B, limits=limits, known_delay=3).model)
+    usual = steady_motion(made(known_delay=3).model)
     states = len(FIELDS["A"])
     np.testing.assert_allclose(maps.Sv[:states], usual.Sv[:states], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(maps.Sv[states:] * unit, usual.Sv[states:], rtol=1e-9)
@@ -110,31 +99,28 @@ def test_a_machine_is_controllable_whatever_the_unit_of_its_control(unit):
 
 def test_noise_of_encoders_is_one_or_each_and_may_be_none():
     for stated, wanted in ((0.0002, 2e-7), ([0.0002, 0.0], [2e-7, 0.0]), (0.0, 0.0)):
-        machine = machine_from(json.dumps({**FIELDS, "encoder_noise": stated}).encode())
+        machine = made(encoder_noise=stated)
         assert machine.encoder_noise == pytest.approx(np.array(wanted))
         assert machine.noisy_count == pytest.approx(np.sqrt(1e-12 + 12 * np.square(wanted)))
 
 
 def test_a_note_is_repeated_where_the_machine_is_told():
-    noted, plain = (
-        machine_from(json.dumps({**FIELDS, **more}).encode(), "table")
-        for more in ({"note": "Y is a copy"}, {})
-    )
+    noted, plain = made(note="Y is a copy"), made()
     assert noted.description()["Note"] == "Y is a copy"
     assert noted.remarks == [f"{noted.name}: Y is a copy"]
     assert plain.remarks == [] and "Note" not in plain.description()
 
 
-def test_friction_is_told_and_nothing_is_told_without():
-    rough, plain = (
-        machine_from(json.dumps({**FIELDS, **more}).encode()) for more in ({"friction": 0.25}, {})
-    )
-    assert isinstance(rough, LinearMachine) and rough.friction == 0.25
-    assert rough.description()["Friction"].startswith("0.25 ")
-    each = machine_from(json.dumps({**FIELDS, "friction": [0.5, 0.25]}).encode())
-    assert isinstance(each, LinearMachine) and each.largest_friction == 0.5
-    assert each.description()["Friction"].startswith("0.5 0.25 ")
-    assert "Friction" not in plain.description()
+@pytest.mark.parametrize(
+    ("friction", "told"),
+    [(None, "not known"), (0.25, "0.25 "), ([0.5, 0.25], "0.5 0.25 "), (0.0, None)],
+)
+def test_friction_is_told_and_nothing_is_told_without(friction, told):
+    machine = made(friction=friction)
+    assert machine.friction == (None if friction is None else pytest.approx(friction))
+    words = machine.description().get("Friction")
+    assert words is None if told is None else words.startswith(told)
+    assert "Friction" not in made().description()
 
 
 @pytest.mark.parametrize("stated", [{}, {"uncertainty": None}])
@@ -220,16 +206,15 @@ def test_family_has_nominal_first():
 )
 def test_one_clear_line(change, says):
     with pytest.raises(MachineError) as error:
-        machine_from(json.dumps({**FIELDS, **change}).encode())
+        made(**change)
     assert says in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("missing", ["A", "B", "C", "dt"])
 def test_missing_field(missing):
+    fields = {key: value for key, value in FIELDS.items() if key != missing}
     with pytest.raises(MachineError, match=f"^{missing}: missing"):
-        machine_from(
-            json.dumps({key: value for key, value in FIELDS.items() if key != missing}).encode()
-        )
+        machine_from(json.dumps(fields).encode())
 
 
 def test_missing_file(tmp_path):

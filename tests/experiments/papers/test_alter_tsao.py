@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import astuple, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,9 +28,9 @@ from experiments.site import stored as stored_run
 from experiments.tables import stored
 from jcontour.controllers.feedforward.model_following import ModelFollowing
 from jcontour.plants.linear_machines import linear_motor_drive
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "feedforward" / "alter_tsao.json"
-WANTED = json.loads(DATA.read_text())
+WANTED = numbers_of("feedforward/alter_tsao")
 YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 

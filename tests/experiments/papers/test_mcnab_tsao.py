@@ -3,7 +3,6 @@
 import json
 from collections import defaultdict
 from dataclasses import astuple
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,14 +25,10 @@ from jcontour.app.files.results.stored import to_json
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.plants.actuation import Delayed
 from jcontour.simulation.closed_loop import prepared
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "mcnab"
 NUMBERS = {"te": "te_um", "ce": "ce_um", "pce": "projected_um"}
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
-
-
-def load(name):
-    return json.loads((DATA / f"{name}.json").read_text())
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +42,8 @@ def result():
 
 
 def test_family_of_the_reference_numbers():
-    wanted = [(m["gx"], m["gy"], m["delay"]) for m in load("tuning")["robust"]["family"]]
+    family = numbers_of("mcnab/tuning")["robust"]["family"]
+    wanted = [(m["gx"], m["gy"], m["delay"]) for m in family]
     assert [pytest.approx(astuple(member)[1:]) for member in FAMILY] == wanted
 
 
@@ -66,7 +62,7 @@ def test_cases_of_table_1_in_steady_state(setup, case, te, ce):
 
 
 def test_u_shape_falls_then_rises_then_loses_stability(setup):
-    wanted = load("tuning")["robust"]["u_shape"]
+    wanted = numbers_of("mcnab/tuning")["robust"]["u_shape"]
     runs = {}
     for alpha in [*wanted["alpha"], 20.0]:
         plan = setup.plan(Case("output", alpha, 0.0), setup.circle)
@@ -81,7 +77,7 @@ def test_u_shape_falls_then_rises_then_loses_stability(setup):
 
 @pytest.mark.parametrize(
     "row",
-    load("line_spectral_radii"),
+    numbers_of("mcnab/line_spectral_radii"),
     ids=lambda row: f"{row['terminal']}-{row['alpha']:g}-{row['rho']:.0e}",
 )
 def test_one_recursion_gives_the_radii_of_all_horizons(setup, row):
@@ -119,7 +115,7 @@ def test_frozen_radius_is_that_of_the_library(setup, member, machine):
 @pytest.mark.slow
 @pytest.mark.parametrize("table, count", [("circle_grid", 60), ("circle_np_scan", 120)])
 def test_every_run_on_the_circle(result, table, count):
-    rows = load(table)
+    rows = numbers_of(f"mcnab/{table}")
     assert len(rows) == count
     for row in rows:
         ours = result.on_family(row["terminal"], row["alpha"], row["beta"], row["Np"])[0]

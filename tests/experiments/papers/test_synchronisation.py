@@ -1,8 +1,6 @@
 """Tomizuka's paper: responses against reference numbers, verdicts against made-up runs."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,11 +18,11 @@ from experiments.papers.synchronisation.experiment import (
     turns,
 )
 from experiments.papers.verdicts import Verdict
+from tests.reference_data import numbers_of
 
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 ORDER = Verdict.SAME_ORDERING
-DATA = Path(__file__).parents[2] / "data" / "adaptive" / "synchronisation.json"
-REFERENCE = json.loads(DATA.read_text())
+REFERENCE = numbers_of("adaptive/synchronisation")
 NAMES = {NOMINAL: "sync_nominal", WEAK: "sync_low_kc"}
 
 

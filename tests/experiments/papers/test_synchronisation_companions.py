@@ -1,8 +1,6 @@
 """Frozen stability is not enough, and how fast a schedule may move."""
 
 import ast
-import json
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -10,9 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from experiments.papers.synchronisation.companions import admissible_rate, turning
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "adaptive" / "companions.json"
-INTEGRATED, EXACT, EIGENVALUES = json.loads(DATA.read_text())["lpv_frozen"]
+INTEGRATED, EXACT, EIGENVALUES = numbers_of("adaptive/companions")["lpv_frozen"]
 
 turned = jax.jit(turning)
 

@@ -1,8 +1,6 @@
 """Yuan's chapter 4: computations against reference numbers, verdicts against made-up results."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,15 +22,15 @@ from experiments.papers.yuan_bounded.experiment import (
     motion,
     run,
 )
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "guarantees"
 ORDER = Verdict.SAME_ORDERING
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 
 @pytest.fixture(scope="module")
 def numbers():
-    return json.loads((DATA / "axis.json").read_text())
+    return numbers_of("guarantees/axis")
 
 
 def test_the_axis_is_that_of_the_reference(numbers):
@@ -55,7 +53,7 @@ def test_forty_samples_are_too_few_against_an_unknown_reference(numbers):
 
 @pytest.mark.slow
 def test_the_certificate_is_the_reference():
-    wanted = json.loads((DATA / "single_axis.json").read_text())["eps_min_m"]
+    wanted = numbers_of("guarantees/single_axis")["eps_min_m"]
     for (size, speed), value in zip(((0.005, 0.1), (0.0025, 0.1)), wanted.values(), strict=False):
         row = certificate(size, speed)
         assert row == pytest.approx(1e3 * value, rel=1e-6)

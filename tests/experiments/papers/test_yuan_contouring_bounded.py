@@ -1,8 +1,6 @@
 """Yuan's contouring controllers: verdicts on made-up results, tubes and runs on the gantry."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -37,10 +35,9 @@ from experiments.papers.yuan_contouring_bounded.tubes import POINTS, driven, tub
 from experiments.papers.yuan_gantry.experiment import SAMPLE
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import tangent
+from tests.reference_data import numbers_of
 
-CASES = json.loads(
-    (Path(__file__).parents[2] / "data" / "guarantees" / "polygons.json").read_text()
-)
+CASES = numbers_of("guarantees/polygons")
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 

@@ -1,8 +1,6 @@
 """Yuan's tables of chapter 3 against reference numbers, and the verdicts against made-up ones."""
 
-import json
 from dataclasses import astuple, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,12 +19,10 @@ from experiments.papers.yuan_tracking.experiment import (
     columns,
     gap_curve,
 )
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "single_axis"
-LESO = json.loads((DATA / "metrics_only.json").read_text())
-PLAIN = {
-    row["name"]: row for row in json.loads((DATA / "trajectories.json").read_text())["trajectories"]
-}
+LESO = numbers_of("single_axis/metrics_only")
+PLAIN = {row["name"]: row for row in numbers_of("single_axis/trajectories")["trajectories"]}
 FORMS = {  # of the observer, in the reference numbers
     "exact": "cascade-leso-exact",
     "euler": "cascade-leso-euler",

@@ -1,8 +1,6 @@
 """Smith & Lee's numbers against reference numbers, and the verdicts against made-up ones."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,8 +32,9 @@ from experiments.papers.zpetc.experiment import (
 )
 from jcontour.plants.arms import SERVO_GAIN, SERVO_POLE
 from jcontour.plants.linear_machines import servo_axes
+from tests.reference_data import numbers_of
 
-WANTED = json.loads((Path(__file__).parents[2] / "data" / "feedforward" / "zpetc.json").read_text())
+WANTED = numbers_of("feedforward/zpetc")
 YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 

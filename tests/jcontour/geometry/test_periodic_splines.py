@@ -1,16 +1,12 @@
-import json
-from pathlib import Path
-
 import jax
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from jcontour.geometry.periodic_splines import periodic_spline, polar_lobes
+from tests.reference_data import numbers_of
 
-PATH = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())[
-    "path"
-]
+PATH = numbers_of("mpcc/reference")["path"]
 
 
 def test_lobes_are_the_reference_ones():

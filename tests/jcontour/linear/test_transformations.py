@@ -1,8 +1,6 @@
 """Linear plants made from linear plants, against SciPy and the plants themselves."""
 
-import json
 from functools import partial
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +14,7 @@ from jcontour.plants.gantry.gantry import thesis_gantry
 from jcontour.plants.gantry.linear_models import motor_model
 from jcontour.plants.linear_machines import bridgeport
 from jcontour.plants.xy_table import xy_table
+from tests.reference_data import numbers_of
 
 
 def test_zoh_is_that_of_scipy():
@@ -76,7 +75,7 @@ def test_given_maps_of_steady_motion_gain_the_control_that_carries_it_on(samples
         np.testing.assert_allclose(state, wanted, rtol=1e-9, atol=1e-12)
 
 
-DATA = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())
+DATA = numbers_of("mpcc/reference")
 
 
 @pytest.mark.parametrize("dt", (0.004, 0.001))

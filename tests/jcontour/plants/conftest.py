@@ -3,9 +3,6 @@
 Two decoupled axes under random controls, which every wrapper is put around.
 """
 
-import json
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,8 +10,8 @@ import numpy as np
 import pytest
 
 from jcontour.plants.gantry.gantry import GantryParameters
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "gantry"
 NAMES = {
     "drive_mass_1": "M_1",
     "drive_mass_2": "M_2",
@@ -34,16 +31,10 @@ NAMES = {
 
 
 @pytest.fixture(scope="session")
-def gantry_data():
-    """name -> reference data on the gantry."""
-    return lambda name: json.loads((DATA / f"{name}.json").read_text())
-
-
-@pytest.fixture(scope="session")
-def reference_gantry(gantry_data):
+def reference_gantry():
     """The machine of the reference data."""
     return GantryParameters(
-        **{name: gantry_data("samples")["params"][letter] for name, letter in NAMES.items()}
+        **{name: numbers_of("gantry/samples")["params"][letter] for name, letter in NAMES.items()}
     )
 
 
@@ -69,12 +60,12 @@ def odd_gantry():
 
 
 @pytest.fixture(scope="session")
-def gantry_path(gantry_data):
+def gantry_path():
     """Line, circle, line of the reference data.
 
     Position and velocity at every sample, and which samples lie on the circle.
     """
-    data, dt = gantry_data("closed_loop"), 2e-3
+    data, dt = numbers_of("gantry/closed_loop"), 2e-3
     R, line, v, a, T = (data["path"][key] for key in ("R", "line", "v", "a", "T"))
     steps = data["closed_loop"]["steps"]
     time, ramp = np.minimum(np.arange(steps + 1) * dt, T), v / a

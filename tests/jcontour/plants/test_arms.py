@@ -1,8 +1,5 @@
 """The three-link manipulator against reference numbers, rotations of SciPy and differences."""
 
-import json
-from pathlib import Path
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,9 +16,9 @@ from jcontour.plants.arms import (
 )
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.linear_machines import servo_axes
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[2] / "data" / "adaptive" / "kinematics.json"
-REFERENCE = json.loads(DATA.read_text())
+REFERENCE = numbers_of("adaptive/kinematics")
 ROWS = REFERENCE["kinematics"]["rows"]
 
 

@@ -3,9 +3,7 @@
 Servos side by side against SciPy's discretisation.
 """
 
-import json
 from fractions import Fraction
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -22,8 +20,9 @@ from jcontour.plants.linear_machines import (
     linear_motor_drive,
     servo_axes,
 )
+from tests.reference_data import numbers_of
 
-PLANTS = json.loads((Path(__file__).parents[2] / "data" / "mcnab" / "plants.json").read_text())
+PLANTS = numbers_of("mcnab/plants")
 
 
 def test_matrices_are_the_reference_ones():
@@ -81,8 +80,7 @@ def test_exact_integrators_are_within_the_rounding_of_the_paper():
         assert abs(determinant(lifted)) < 1e-17
 
 
-DATA = Path(__file__).parents[2] / "data" / "feedforward" / "alter_tsao.json"
-LOOP = json.loads(DATA.read_text())["explicit_loop"]
+LOOP = numbers_of("feedforward/alter_tsao")["explicit_loop"]
 
 
 def test_coefficients_are_those_of_the_series():

@@ -1,6 +1,4 @@
-import json
 from dataclasses import astuple
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -9,8 +7,9 @@ from scipy.integrate import solve_ivp
 
 from jcontour.linear.plant import decoupled_axes
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, DriveParameters, FrictionXYTable, xy_table
+from tests.reference_data import numbers_of
 
-DATA = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())
+DATA = numbers_of("mpcc/reference")
 DRIVES = (X_DRIVE, Y_DRIVE)
 
 

@@ -1,24 +1,15 @@
 """Shared by the tests of sets: the thesis's axis, and a slide."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from jcontour.sets.responses import DisturbedModel
-
-DATA = Path(__file__).parents[2] / "data" / "guarantees"
+from tests.reference_data import numbers_of
 
 
 @pytest.fixture(scope="session")
 def axis_numbers():
-    return json.loads((DATA / "axis.json").read_text())
-
-
-@pytest.fixture(scope="session")
-def thesis_numbers():
-    return json.loads((DATA / "single_axis.json").read_text())
+    return numbers_of("guarantees/axis")
 
 
 @pytest.fixture(scope="session")

@@ -5,11 +5,14 @@ import pytest
 
 from jcontour.sets.responses import DisturbedModel
 from jcontour.sets.tolerance_certificates import least_tolerance_of_any
+from tests.reference_data import numbers_of
+
+THESIS = numbers_of("guarantees/single_axis")
 
 
-def thesis_case(numbers, size, speed):
+def thesis_case(size, speed):
     """Chapter 4 as printed: augmented axis (4.12), trapezoid of 0.1 m, w at its lower end."""
-    A, B, C = (np.array(numbers[f"{name}_aug"]) for name in "ABC")
+    A, B, C = (np.array(THESIS[f"{name}_aug"]) for name in "ABC")
     inverse = np.linalg.inv(C)
     model = DisturbedModel.of(C @ A @ inverse, C @ B, C @ np.array([0, size, 0, 0]))
     ramp = 4e-3 * np.arange(26)
@@ -25,9 +28,9 @@ def thesis_case(numbers, size, speed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("size", "speed"), [(0.005, 0.1), (0.0025, 0.1), (0.005, 0.105)])
-def test_the_printed_data_need_more_than_they_allow(thesis_numbers, size, speed):
-    actual = thesis_case(thesis_numbers, size, speed)
-    wanted = thesis_numbers["eps_min_m"][f"({size}, {speed})"]
+def test_the_printed_data_need_more_than_they_allow(size, speed):
+    actual = thesis_case(size, speed)
+    wanted = THESIS["eps_min_m"][f"({size}, {speed})"]
     assert actual == pytest.approx(wanted, rel=1e-6)
     assert (actual > 4.5e-3) == ((size, speed) == (0.005, 0.1))
 

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from rich.console import Console
 
 from jcontour._arrays import check_above_zero
 from jcontour.app.files import run_folder
-from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.netcdf import Variables, save_variables
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.stored import Weight, read_result, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
@@ -227,7 +226,9 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
     active = {"long_name": "limits active in the plan of the step"}
     acting = {"long_name": "of these, limits on what the control of the step alone decides"}
     residual = {"long_name": "largest scaled residual of the QP"}
-    data = {
+    data: Variables = {
+        "time": (("time",), time, {"units": "s"}),
+        "axis": (("axis",), list(machine.axes), {}),
         "output": (("time", "axis"), output, {"units": "m"}),
         "control": (("time", "input"), control, {"units": machine.control_unit}),
         "active": (("time",), report.active, active),
@@ -242,9 +243,7 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
         "failure": gap.failure,
         **run_folder.versions(),
     }
-    coordinates = {"time": ("time", time, {"units": "s"}), "axis": list(machine.axes)}
-    dataset = xr.Dataset(data, coordinates, title)
-    save_dataset(dataset, folder / f"run-{number:02d}-{gap.contour}.nc")
+    save_variables(data, title, folder / f"run-{number:02d}-{gap.contour}.nc")
 
 
 def show(result: Verified, console: Console) -> None:

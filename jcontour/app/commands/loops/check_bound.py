@@ -10,11 +10,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 from rich.console import Console
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.checks import named
+from jcontour.app.files.netcdf import Variables, save_variables
 from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.files.results.stored import write_result
@@ -212,7 +212,9 @@ def verdict_on(
 def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
     """The attack of the largest bound, for a replay, and what it was made for."""
     machine, certificate = loop.machine, one.certificate
-    data = {
+    time = one.reference.dt * np.arange(certificate.bound.size)
+    data: Variables = {
+        "time": (("time",), time, {"units": "s"}),
         "force": (("time", "input"), one.attack.force, {"units": machine.control_unit}),
         "noise": (("time", "sensor"), one.attack.noise, {"units": "m"}),
         "bound": (("time",), certificate.bound, {"units": "m"}),
@@ -220,7 +222,6 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
         "nominal": (("time",), certificate.nominal, {"units": "m"}),
         "scored": (("time",), certificate.scored.astype("i1"), {"long_name": "1 where it counts"}),
     }
-    time = one.reference.dt * np.arange(certificate.bound.size)
     title = {
         "title": "jcontour check: attack on the largest bound",
         "contour": one.row.contour,
@@ -228,7 +229,7 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
         "attacked_sample": certificate.worst,
         **run_folder.versions(),
     }
-    save_dataset(xr.Dataset(data, {"time": ("time", time, {"units": "s"})}, title), folder / ATTACK)
+    save_variables(data, title, folder / ATTACK)
 
 
 def show_certified(result: CertifiedResult, console: Console) -> None:
@@ -269,10 +270,8 @@ def certified_runs(
     )
     for job, (name, plant, counting) in product(loop.jobs, list(plants)):
         reference = job.reference(machine.model.dt, controller.preview)
-        try:
+        with named(f"{job.name}, {name}"):
             bound = certificate(plant, controller, reference, box)
-        except ValueError as error:
-            raise ValueError(f"{job.name}, {name}: {error}") from None
         attacks = bound.attacks()
         errors = [_error(attack.on(plant), controller, reference) for attack in attacks]
         most = int(np.argmax([_largest(error, bound) for error in errors]))

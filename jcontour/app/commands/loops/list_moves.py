@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jcontour.app.catalogue.entries import CONTOURS
+from jcontour.app.files.checks import named
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.plain_numbers import MM_PER_MIN, feed_number
@@ -82,14 +83,11 @@ def listed_moves(path: Path, axes: int, flags: MachineFlags) -> Iterator[str]:
     suffix = path.suffix.lower()
     if suffix == ".csv":
         raise ToolpathError(f"list-moves: {path} holds points, no moves")
-    try:
+    with named(path, ToolpathError):
         if suffix in DRAWINGS:
             yield from _drawn(path, flags)
         else:
             yield from _programmed(path, min(axes, 3), flags)
-    except ToolpathError as error:
-        text = str(error)
-        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
 
 
 def _programmed(path: Path, axes: int, flags: MachineFlags) -> Iterator[str]:

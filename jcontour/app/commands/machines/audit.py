@@ -73,9 +73,7 @@ def command(flags: Audit) -> int:
         lags=[lag if np.isfinite(lag) else None for lag in explained.lags.tolist()],
         causes=cause_shares(explained, flags.axes),
     )
-    folder = run_folder.create(
-        flags.out or run_folder.default_folder("audit"), "audit", flags, [flags.data]
-    )
+    folder = run_folder.create(flags.out, "audit", flags, [flags.data])
     title = f"jcontour audit: {flags.data.name}"
     save_rollouts("auto", {MEASURED: replayed}, scenarios, machine, title, folder)
     drawn = DrawnRun(MEASURED, flags.data.name, run.tool, run.command, error)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.checks import bytes_of, json_value
+from jcontour.app.files.checks import bytes_of, json_value, named
 from jcontour.app.flags.machines import Identify
 from jcontour.app.jobs.excitation import PART, gcode, letters, program, read_limits
 from jcontour.app.reports import tables
@@ -17,10 +17,8 @@ def command(flags: Identify) -> int:
     path = flags.excite
     assert path is not None
     content = bytes_of(path, MOST_BYTES)
-    try:
+    with named(path):
         given = json_value(content)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     limits = read_limits(path, given)
     folder = run_folder.create(
         flags.out or run_folder.default_folder("excite"), "identify", flags, [path]

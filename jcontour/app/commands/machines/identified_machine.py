@@ -41,12 +41,8 @@ def kept(flags: Identify, log: Log, source: str, machine: IdentifiedMachine) -> 
             f"no controller could be tuned for what fits the record ({error}): record a livelier "
             "program: jcontour identify --excite" + "".join(f". {line}" for line in questions)
         ) from None
-    folder = run_folder.create(
-        flags.out or run_folder.default_folder("identify"),
-        "identify",
-        flags,
-        [] if flags.data is None else [flags.data],
-    )
+    inputs = [] if flags.data is None else [flags.data]
+    folder = run_folder.create(flags.out, "identify", flags, inputs)
     run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
     if flags.demo:
         time = log.dt * np.arange(len(log.command))
@@ -205,9 +201,6 @@ def show(result: LinearMachineResult, console: Console) -> None:
         low, high = axis.gain_interval
         return f"{50 * (high - low) / abs(axis.gain) if axis.gain else float('nan'):.2g}"
 
-    def delay(axis: LinearAxisResult) -> str:
-        return str(axis.delay)
-
     def shown(axis: LinearAxisResult) -> str:  # and the last measured line
         to = f"{axis.shown_to:.3g}" if np.isfinite(axis.shown_to) else "-"
         return f"{to} of {axis.measured_to:.3g}" if axis.measured_to else to
@@ -217,7 +210,7 @@ def show(result: LinearMachineResult, console: Console) -> None:
         "model": words_of,
         "gain at rest": gain_words,
         "+- %": spread,
-        "delay": delay,
+        "delay": lambda axis: str(axis.delay),
         "explains %": lambda axis: f"{100 * axis.explained:.3f}",
         "left um": lambda axis: f"{1e6 * axis.innovation:.3g}",
         "shown to Hz": shown,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from jcontour.app.files.log_file import Log, LogColumns, read_log
+from jcontour.app.files.log_table import of_accelerometer
 from jcontour.app.flags.machines import Identify, Logged
 from jcontour.app.plain_numbers import feed_words
 from tuning.identification.linear.machine_record import MachineRecord
@@ -23,6 +24,12 @@ def command(flags: Identify) -> int:
     _check(flags)
     if flags.demo:
         flags = replace(flags, control_unit="V")
+    if flags.data is not None and of_accelerometer(flags.data):
+        from jcontour.app.commands.machines import identify_vibration
+
+        return identify_vibration.command(flags)
+    if flags.other is not None:
+        raise ValueError(f"{flags.data}: is of no accelerometer (Klipper's); give one file")
     if flags.data is None:
         log, source = _simulated(flags.seed)
     else:

@@ -51,9 +51,7 @@ def command(flags: Identify) -> int:
         sensitive_at=float(lines.frequency[np.argmax(S)]),
         deviated=float(sensitivity(L, lines.deviation).max()),
     )
-    folder = run_folder.create(
-        flags.out or run_folder.default_folder("identify"), "identify", flags, [flags.response]
-    )
+    folder = run_folder.create(flags.out, "identify", flags, [flags.response])
     save_figure(response_figure(lines, {"PI with filters": loop}), folder / "response.png")
     write_result(folder, result)
     return finished(folder, result, flags, show, answer_of(result))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from jcontour.app.files.results.run_metrics import AxisSummary
+from tuning.identification.vibration import Resonance
 from tuning.response_loop import ResponseLoop
 
 
@@ -73,6 +74,13 @@ class ResponseResult:
     sensitivity: float  # Ms on the lines, at the frequency `sensitive_at` [Hz]
     sensitive_at: float
     deviated: float  # Ms with one deviation of every line against the loop
+
+
+@dataclass(frozen=True)
+class VibrationResult:
+    """Resonances of a machine, from the vibration of its tool."""
+
+    axes: dict[str, list[Resonance]]  # by X, Y or Z of the sensor, the main one first
 
 
 @dataclass(frozen=True, kw_only=True)

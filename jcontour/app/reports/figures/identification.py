@@ -18,6 +18,7 @@ from jcontour.app.reports.figures.axes import (
 from tuning.identification.linear import validation
 from tuning.identification.linear.identified_axes import IdentifiedMachine
 from tuning.identification.linear.output_error import TRAINING
+from tuning.identification.vibration import Resonance, Vibration
 from tuning.response_loop import ResponseLoop, sensitivity
 
 SHOWN = 4000  # samples of the prediction: more is a solid block
@@ -121,4 +122,16 @@ def response_figure(lines: MeasuredResponse, loops: Mapping[str, ResponseLoop]) 
     grid(phase, "", "", "phase [degrees]")
     grid(sensitive, "sensitivity on the lines", "frequency [Hz]", "|S|")
     legend_below(figure)
+    return figure
+
+
+def vibration_figure(axis: str, vibration: Vibration, found: list[Resonance]) -> Figure:
+    """Response of the tool in all directions, and the resonances."""
+    figure = Figure(figsize=(9.0, HEIGHT), layout="constrained")
+    panel = figure.subplots()
+    panel.plot(vibration.frequency, 10 * np.log10(vibration.power), label=["X", "Y", "Z"])
+    at = [one.frequency[0] for one in found]
+    panel.vlines(at, *panel.get_ylim(), colors=DESIRED, linestyles="--", label="resonance")
+    grid(panel, f"command of {axis} to acceleration of the tool", "frequency [Hz]", "dB")
+    legend_below(figure, 4)
     return figure

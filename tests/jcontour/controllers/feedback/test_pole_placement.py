@@ -1,8 +1,6 @@
 """The self-tuning servo against reference numbers and against its polynomial."""
 
-import json
 from functools import cache
-from pathlib import Path
 
 import control
 import equinox as eqx
@@ -27,6 +25,7 @@ from jcontour.plants.encoders import Encoders
 from jcontour.plants.flexible_axis.axis import zoh_model
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
 DT = 1e-3
 pairs = jax.jit(damped_poles, static_argnums=2)
@@ -119,8 +118,7 @@ def test_what_cannot_be_placed_is_named(thesis_model):
             damped_poles(*pair, DT)
 
 
-DATA = Path(__file__).parents[3] / "data" / "adaptive" / "companions.json"
-COMPANIONS = json.loads(DATA.read_text())
+COMPANIONS = numbers_of("adaptive/companions")
 
 
 class DiskArm(Plant):

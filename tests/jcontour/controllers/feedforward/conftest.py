@@ -1,22 +1,12 @@
 """Reference numbers; the README in tests/data/feedforward explains them."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from jcontour.controllers.feedforward.model_matching import ModelMatching
 from jcontour.motion.references import from_samples
 from jcontour.plants.arms import leg_lengths, manipulator_path
-
-DATA = Path(__file__).parents[3] / "data" / "feedforward"
-
-
-@pytest.fixture(scope="session")
-def zpetc_numbers():
-    """Contents of zpetc.json."""
-    return json.loads((DATA / "zpetc.json").read_text())
+from tests.reference_data import numbers_of
 
 
 @pytest.fixture(scope="session")
@@ -36,7 +26,7 @@ def link():
 
 @pytest.fixture(scope="session")
 def alter_tsao():
-    return json.loads((DATA / "alter_tsao.json").read_text())
+    return numbers_of("feedforward/alter_tsao")
 
 
 @pytest.fixture(scope="session")

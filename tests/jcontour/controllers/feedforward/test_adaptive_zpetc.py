@@ -3,9 +3,6 @@
 Least squares against ordinary least squares, the trace and the dead zone.
 """
 
-import json
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,9 +17,10 @@ from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
-DATA = Path(__file__).parents[3] / "data" / "feedforward" / "zpetc.json"
-RUNS = [row for row in json.loads(DATA.read_text())["azpetc"] if not row["printed_lambda_15"]]
+NUMBERS = numbers_of("feedforward/zpetc")
+RUNS = [row for row in NUMBERS["azpetc"] if not row["printed_lambda_15"]]
 ADAPTATION_OFF = 1e9  # [m] of dead zone: nothing is learned
 DT, QUANTUM = 16.8e-3, 43e-6
 FACTORS = {"exact": 1.0, "good: gain x1.1": 1.1, "poor: gain x1.5": 1.5}
@@ -38,8 +36,8 @@ def plant(factor):
 
 
 @pytest.fixture(scope="module")
-def gain(zpetc_numbers):
-    row = next(r for r in zpetc_numbers["zoh"] if (r["T"], r["pole"]) == (0.0168, 567.5))
+def gain():
+    row = next(r for r in NUMBERS["zoh"] if (r["T"], r["pole"]) == (0.0168, 567.5))
     return 1e3 * row["kp_26"]
 
 

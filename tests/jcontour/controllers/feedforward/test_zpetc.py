@@ -27,8 +27,10 @@ from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
 DT, KP, POLE = 3e-3, 817.41795, 567.5  # [s], per m, [rad/s]
+NUMBERS = numbers_of("feedforward/zpetc")
 
 
 def plant_polynomials(gain, pole, dt):
@@ -49,12 +51,12 @@ def ahead():
     return zero_phase_filter(closed_loop(16.359, POLE, KP))
 
 
-def test_the_prefilter_has_the_printed_digits(zpetc_numbers):
-    fit = zpetc_numbers["fit"]
+def test_the_prefilter_has_the_printed_digits():
+    fit = NUMBERS["fit"]
     actual = zero_phase_filter(closed_loop(16.359, fit["pole"], 1e3 * fit["kp"]))
     taps = np.asarray(actual.numerator) / np.asarray(actual.denominator)[0]
     np.testing.assert_allclose(taps, fit["prefilter"], rtol=1e-8)
-    np.testing.assert_allclose(taps, zpetc_numbers["printed_prefilter"], atol=0.5e-4)
+    np.testing.assert_allclose(taps, NUMBERS["printed_prefilter"], atol=0.5e-4)
     assert actual.preview == 2
 
 
@@ -75,8 +77,8 @@ def test_the_response_has_no_phase(ahead):
 
 
 @pytest.mark.parametrize("row", range(48))
-def test_the_integral_sweep(zpetc_numbers, link, ahead, row):
-    wanted = zpetc_numbers["integral_sweep"][row]
+def test_the_integral_sweep(link, ahead, row):
+    wanted = NUMBERS["integral_sweep"][row]
     gain, pole = wanted["truth"]
     plant = Encoders(servo_axes([1e-3 * gain], pole, DT))
     if wanted["quantum_mm"]:
@@ -90,9 +92,9 @@ def test_the_integral_sweep(zpetc_numbers, link, ahead, row):
     assert error.max() == pytest.approx(wanted["max_um"], rel=1e-7)
 
 
-def test_equation_5_corrected(zpetc_numbers, ahead):
+def test_equation_5_corrected(ahead):
     """y / y_d at 3 Hz with an integrator, on a plant with another gain."""
-    wanted = zpetc_numbers["eq5_check_3Hz"]
+    wanted = NUMBERS["eq5_check_3Hz"]
     x = np.exp(-2j * np.pi * 3 * DT)
     loop = closed_loop(1.1 * 16.359, POLE, KP)
     taps = np.asarray(ahead.numerator) / np.asarray(ahead.denominator)[0]

@@ -1,19 +1,9 @@
 """A small loop that learns, and the reference numbers of the textbook algorithms."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-DATA = Path(__file__).parents[3] / "data" / "adaptive" / "companions.json"
 DT = 5e-3  # [s]
-
-
-@pytest.fixture(scope="session")
-def companions():
-    """Contents of companions.json; tests/data/adaptive/README.md says what they are."""
-    return json.loads(DATA.read_text())
 
 
 @pytest.fixture(scope="session")

@@ -24,9 +24,11 @@ from jcontour.controllers.learning.laps import (
 from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
 STATE = Sensors((0, 2), (1, 3))  # of two `servo_axes`
 DT = 5e-3  # [s], of the small loop
+COMPANIONS = numbers_of("adaptive/companions")
 
 
 class Ahead(Cascade):
@@ -133,17 +135,17 @@ def trials(gain, laps):
 
 
 @pytest.mark.parametrize("gain", ["1.0", "2.0", "3.0"])
-def test_trials_are_those_of_the_reference(companions, gain):
-    wanted = companions["ilc_p_type"][gain]
+def test_trials_are_those_of_the_reference(gain):
+    wanted = COMPANIONS["ilc_p_type"][gain]
     np.testing.assert_allclose(trials(float(gain), 12), wanted, rtol=1e-8)
 
 
-def test_a_gain_that_diverges_is_found_at_its_lap(companions):
+def test_a_gain_that_diverges_is_found_at_its_lap():
     errors = trials(4.2, 20)
-    wanted = companions["ilc_p_type_divergent_gain_4.2_trial_20"]
+    wanted = COMPANIONS["ilc_p_type_divergent_gain_4.2_trial_20"]
     np.testing.assert_allclose(errors[-1], wanted, rtol=1e-8)
     assert diverged_lap(errors) == 2
-    assert diverged_lap(companions["ilc_p_type"]["3.0"]) == diverged_lap(trials(3.0, 12)) == 3
+    assert diverged_lap(COMPANIONS["ilc_p_type"]["3.0"]) == diverged_lap(trials(3.0, 12)) == 3
     assert diverged_lap(trials(1.0, 12)) is None
 
 

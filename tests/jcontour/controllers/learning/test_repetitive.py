@@ -27,9 +27,11 @@ from jcontour.motion.references import from_samples
 from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
 ZERO = -0.3075  # b_printed of the linear-motor drive
 STATE = Sensors((0, 2), (1, 3))
+COMPANIONS = numbers_of("adaptive/companions")
 
 
 def linear_motor_trajectory():
@@ -43,7 +45,7 @@ def linear_motor_trajectory():
     ("key", "smoothing"),
     [("max_per_cycle_q_filter", (0.25, 0.5, 0.25)), ("max_per_cycle_q_1", (0.0, 1.0, 0.0))],
 )
-def test_cycles_are_those_of_the_reference(companions, key, smoothing):
+def test_cycles_are_those_of_the_reference(key, smoothing):
     r = linear_motor_trajectory()
     first = 1e-4 * r / r.max() + 5 * np.diff(r, prepend=0.0)
     learning = np.array([-ZERO, 1 + ZERO**2, -ZERO]) / (1 - ZERO) ** 2
@@ -57,7 +59,7 @@ def test_cycles_are_those_of_the_reference(companions, key, smoothing):
     run = jax.jit(lambda wanted: jax.lax.scan(sample, law.start(1), wanted)[1])
     errors = run(np.tile(first, 6)[:, None])
     cycles = np.abs(np.asarray(errors)).reshape(6, 880).max(axis=1)
-    np.testing.assert_allclose(cycles, companions["repetitive_880"][key], rtol=1e-8)
+    np.testing.assert_allclose(cycles, COMPANIONS["repetitive_880"][key], rtol=1e-8)
 
 
 def test_taps_run_from_the_latest_error_to_the_earliest():
@@ -150,7 +152,7 @@ def test_the_wrapped_controller_runs_and_the_errors_are_seen(small_loop):
 
 
 @pytest.mark.parametrize("degrees", ["0", "60", "85", "95"])
-def test_what_is_left_is_that_of_the_reference(companions, degrees):
+def test_what_is_left_is_that_of_the_reference(degrees):
     w = 2 * np.pi / 40
     canceller = Canceller(w, np.deg2rad(float(degrees)) - w, 0.05)
 
@@ -163,7 +165,7 @@ def test_what_is_left_is_that_of_the_reference(companions, degrees):
     start = (canceller.start(1), np.zeros(1))
     _, y = jax.jit(lambda k: jax.lax.scan(sample, start, k))(np.arange(600.0))
     left = np.sqrt(np.mean(np.asarray(y)[-40:] ** 2))
-    np.testing.assert_allclose(left, companions["runout_afc"][degrees], rtol=1e-8)
+    np.testing.assert_allclose(left, COMPANIONS["runout_afc"][degrees], rtol=1e-8)
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
 """Time-delay control against reference numbers and on a servo."""
 
-import json
 from functools import cache
-from pathlib import Path
 
 import control
 import equinox as eqx
@@ -33,6 +31,7 @@ from jcontour.plants.encoders import Sensed
 from jcontour.plants.flexible_axis.axis import euler_model, thesis_axis, zoh_model
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
 DT, B0, W = 1e-3, 2.0, 300.0
 
@@ -110,7 +109,7 @@ def test_another_reference_is_named(cascade, task):
         observed(cascade, sensors=Sensors((0, 1))).initial_memory(task)
 
 
-DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text())
+DATA = numbers_of("single_axis/models")
 REDUCED_OBSERVER_DT = 1e-3
 
 
@@ -196,8 +195,7 @@ def test_bad_gains_are_named(thesis_model):
         ReducedObserver(inner(), thesis_model, np.array([[0.0, -1.0], [0.0, -1.0]]))
 
 
-TIME_DELAY_DATA = Path(__file__).parents[3] / "data" / "adaptive" / "companions.json"
-COMPANIONS = json.loads(TIME_DELAY_DATA.read_text())
+COMPANIONS = numbers_of("adaptive/companions")
 PERIOD, LOST = 1e-3, 1e3
 ROWS = [(0.0, row) for row in COMPANIONS["tdc_double_integrator"]]
 ROWS += [(1e4, row) for row in COMPANIONS["tdc_magnetic_bearing_k_1e4"]]

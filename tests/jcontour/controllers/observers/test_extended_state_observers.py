@@ -1,6 +1,4 @@
-import json
 from functools import cache
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -11,7 +9,6 @@ import pytest
 from jcontour._arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.extended_state_observers import (
-    NLESO,
     CurrentLESO,
     DisturbanceRejection,
     Estimate,
@@ -24,10 +21,9 @@ from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, the
 from jcontour.plants.friction import Friction
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
-ROWS = json.loads(
-    (Path(__file__).parents[3] / "data" / "single_axis" / "metrics_only.json").read_text()
-)
+ROWS = numbers_of("single_axis/metrics_only")
 DT, B0 = 1e-3, 79.33 / 39.62
 FORMS = {"exact": ExactLESO, "euler": EulerLESO, "current": CurrentLESO}
 
@@ -96,29 +92,11 @@ def test_the_current_form_knows_a_constant_disturbance_after_three_samples_of_a_
     np.testing.assert_allclose(z, truth, rtol=1e-8)
 
 
-def test_the_nonlinear_form_is_the_linear_one_for_small_errors_and_gentler_for_large_ones():
-    linear, nonlinear = CurrentLESO(500.0, B0, DT), NLESO(500.0, B0, DT, 1e-5)
-    z = np.array([0.0, 0.05, 1.0])
-    ahead = z[0] + DT * z[1] + DT**2 / 2 * z[2]
-    np.testing.assert_allclose(
-        updated(nonlinear, z, 0.0, 0.0, ahead - 0.9e-5),
-        updated(linear, z, 0.0, 0.0, ahead - 0.9e-5),
-        rtol=1e-12,
-    )
-    far = [
-        updated(observer, z, 0.0, 0.0, ahead + 9e-5) - updated(observer, z, 0.0, 0.0, ahead)
-        for observer in (linear, nonlinear)
-    ]
-    np.testing.assert_allclose(far[1] / far[0], [1.0, 9**-0.5, 9**-0.75], rtol=1e-9)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "options"), [(ExactLESO, ()), (CurrentLESO, ()), (NLESO, (2e-6,))]
-)
-def test_a_constant_force_is_found_and_cancelled(kind, options):
+@pytest.mark.parametrize("kind", [ExactLESO, CurrentLESO])
+def test_a_constant_force_is_found_and_cancelled(kind):
     """Without an integrator inside: the proportional loop alone would be left with an offset."""
-    observer = kind(700.0, B0, DT, *options)
+    observer = kind(700.0, B0, DT)
     inside = Cascade(CascadeGains(30.0, 55.67, 1e9), one_motor(), DT)
     task = thesis_task_a()
     smooth = AxisParameters(
@@ -139,8 +117,6 @@ def test_bad_observers_are_named():
     for make, name in [
         (lambda: ExactLESO(-1.0, B0, DT), "bandwidth"),
         (lambda: CurrentLESO(1.0, np.nan, DT), "input_gain"),
-        (lambda: NLESO(1.0, B0, DT, 0.0), "delta"),
-        (lambda: NLESO(1.0, B0, DT, 1.0, (1.0, 0.5, 2.0)), "exponents"),
         (
             lambda: DisturbanceRejection(
                 thesis_cascade(), ExactLESO(1.0, B0, 2e-3), one_motor()

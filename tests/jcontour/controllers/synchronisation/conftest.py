@@ -1,20 +1,16 @@
 """Reference numbers; the README in tests/data/adaptive explains them."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from jcontour.controllers.synchronisation.speed_axes import Motion
-
-DATA = Path(__file__).parents[3] / "data" / "adaptive" / "synchronisation.json"
+from tests.reference_data import numbers_of
 
 
 @pytest.fixture(scope="session")
 def synchronisation_numbers():
     """Contents of synchronisation.json."""
-    return json.loads(DATA.read_text())
+    return numbers_of("adaptive/synchronisation")
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,4 @@
-import json
 from functools import cache
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -16,8 +14,9 @@ from jcontour.mpc.contouring.mpcc import MPCC, Traversal
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.solvers import ProxQP
 from jcontour.simulation.traversal import traversal_score
+from tests.reference_data import numbers_of
 
-DATA = json.loads((Path(__file__).parents[3] / "data" / "mpcc" / "reference.json").read_text())
+DATA = numbers_of("mpcc/reference")
 CASES = ("case", "case_fast")
 
 

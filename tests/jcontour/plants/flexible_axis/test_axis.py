@@ -1,6 +1,4 @@
-import json
 from dataclasses import fields
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -27,10 +25,9 @@ from jcontour.plants.flexible_axis.axis import (
 from jcontour.plants.friction import Friction
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
+from tests.reference_data import numbers_of
 
-DATA = json.loads(
-    (Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text()
-)["trajectories"]
+DATA = numbers_of("single_axis/trajectories")["trajectories"]
 DT = 1e-3
 K_PP, K_PV, T_IV = 30.0, 55.67, 0.04  # thesis, section 3.4.2
 
@@ -269,9 +266,7 @@ def test_bad_axes_are_named(ideal):
         SmoothFlexibleAxis(ideal(), 0.0)
 
 
-MODELS_DATA = json.loads(
-    (Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text()
-)
+MODELS_DATA = numbers_of("single_axis/models")
 
 
 @pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])

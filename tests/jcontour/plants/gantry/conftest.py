@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.plants.friction import Friction
+from tests.reference_data import numbers_of
 
 DT = 1e-3  # [s] between currents that swing
 
@@ -68,9 +69,9 @@ def at_rest():
 
 
 @pytest.fixture(scope="session")
-def tools_in_a_loop(gantry_data, gantry_path, gantry_loop):
+def tools_in_a_loop(gantry_path, gantry_loop):
     """(plant, steps) -> its tool (T, 2) along the reference's path, under its controller."""
-    gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
+    gains, (position, velocity, _) = numbers_of("gantry/closed_loop")["controller"], gantry_path
 
     def tools(plant, steps=None):
         start, rows = plant.initial_state(position[0], np.zeros(2)), slice(steps)

@@ -13,6 +13,7 @@ from jcontour.plants.gantry.gantry import (
     check_on_beam,
     thesis_gantry,
 )
+from tests.reference_data import numbers_of
 
 DT = 2e-3
 
@@ -24,7 +25,7 @@ def drawn(seed):
     return q, random.uniform(-1, 1, 3), random.uniform(-10, 10, 3)
 
 
-def test_reference_samples(gantry_data, reference_gantry):
+def test_reference_samples(reference_gantry):
     motion, plant = EquationOfMotion.of(reference_gantry), Gantry(reference_gantry, 2.5e-4)
 
     @jax.jit
@@ -43,7 +44,7 @@ def test_reference_samples(gantry_data, reference_gantry):
             plant.step(state, u),
         )
 
-    for sample in gantry_data("samples")["samples"]:
+    for sample in numbers_of("gantry/samples")["samples"]:
         *found, after = quantities(*(np.array(sample[key]) for key in ("q", "qd", "u")))
         for value, key in zip(found, ("M", "bias", "Q", "qdd", "energy", "tool"), strict=True):
             np.testing.assert_allclose(value, sample[key], rtol=1e-13)
@@ -176,8 +177,8 @@ def test_energy_changes_by_the_work_of_the_motors_and_their_friction(odd_gantry)
     np.testing.assert_allclose(balance, first, rtol=1e-9)
 
 
-def test_reference_closed_loop(gantry_data, gantry_path, gantry_loop, reference_gantry):
-    data, plant = gantry_data("closed_loop"), Gantry(reference_gantry, DT)
+def test_reference_closed_loop(gantry_path, gantry_loop, reference_gantry):
+    data, plant = numbers_of("gantry/closed_loop"), Gantry(reference_gantry, DT)
     position, velocity, on_circle = gantry_path
     start = plant.initial_state(position[0], np.zeros(2))
     run = jax.jit(lambda: gantry_loop(plant, data["controller"], position, velocity, start))

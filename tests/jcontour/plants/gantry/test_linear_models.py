@@ -25,13 +25,14 @@ from jcontour.plants.gantry.linear_models import (
     tangent,
     tool_plant,
 )
+from tests.reference_data import numbers_of
 
 DT = 2e-3
 
 
-def test_reference_models(gantry_data, reference_gantry):
+def test_reference_models(reference_gantry):
     """Continuous and sampled, both parts; inputs and disturbances each in their columns."""
-    for head, wanted in gantry_data("linear")["linear"].items():
+    for head, wanted in numbers_of("gantry/linear")["linear"].items():
         axis = X if head == "x_axis" else Y
         columns = (0,) if head == "x_axis" else (1, 2)
         model = control_oriented(reference_gantry, 0.3 if head == "x_axis" else float(head))
@@ -46,8 +47,8 @@ def test_reference_models(gantry_data, reference_gantry):
                 np.testing.assert_allclose(found, wanted[name], rtol=1e-10, atol=1e-13 * scale)
 
 
-def test_reference_resonances(gantry_data, reference_gantry):
-    for head, wanted in gantry_data("linear")["linear"].items():
+def test_reference_resonances(reference_gantry):
+    for head, wanted in numbers_of("gantry/linear")["linear"].items():
         if head == "x_axis":
             continue
         for name, coupling in (
