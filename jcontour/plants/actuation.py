@@ -142,10 +142,9 @@ class WithDryFriction(Wrapper):
     F_c and F_s are Coulomb's and Stribeck's part (`friction`). v is the speed that the axis would
     have without friction, as a rigid body: P projects on the modes that do not oscillate. With a
     delay in the model that is the speed when the control arrives, and the friction then arrives
-    with it. It turns within v_0, at half of the
-    slope F / v_0 at which the sampled loop of speed and friction is at the limit of stability. Of a
-    mass that slope stops it within the sample: it sticks, and creeps only by what tanh is below
-    one.
+    with it. It turns within v_0, at half of the slope F / v_0 at which the sampled loop of speed and
+    friction is at the limit of stability. Of a mass that slope stops it within the sample: it
+    sticks, and creeps only by what tanh is below one.
 
     A slide of 10 kg that is pushed with less than its friction hardly moves:
 
@@ -243,7 +242,8 @@ def _unbending(plant: LinearPlant) -> Float[np.ndarray, "n n"]:
     A, onto = np.asarray(plant.A), np.zeros((plant.states, plant.states))
     for axis in decoupled_axes(plant.pattern):
         own = np.ix_(axis.states, axis.states)
-        T, Z, count = schur(A[own], output="complex", sort=slow)
+        T, Z, *more = schur(A[own], output="complex", sort=slow)
+        count = int(more[0])
         X = solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
         basis = Z.conj().T
         onto[own] = np.real(Z[:, :count] @ (basis[:count] - X @ basis[count:]))

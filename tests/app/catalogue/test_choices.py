@@ -220,7 +220,7 @@ def test_known_friction_is_fed_forward(tmp_path, machine_fields, controller):
     smooth = places(machine.model, design.build)
     fed = np.abs(places(machine.mechanics, design.complete) - smooth)
     unfed = np.abs(places(machine.mechanics, design.build) - smooth)
-    assert fed.mean() < 0.3 * unfed.mean()
+    assert fed.mean() < 0.35 * unfed.mean()
     assert "in the direction 0 samples ahead" in design.lines(design.start)[-1]
 
 
