@@ -142,8 +142,8 @@ class WithDryFriction(Wrapper):
     F_c and F_s are Coulomb's and Stribeck's part (`friction`). v is the speed that the axis would
     have without friction, as a rigid body: P projects on the modes that do not oscillate. With a
     delay in the model that is the speed when the control arrives, and the friction then arrives
-    with it. It turns within v_0, at half of the slope F / v_0 at which the sampled loop of speed and
-    friction is at the limit of stability. Of a mass that slope stops it within the sample: it
+    with it. It turns within v_0, at half of the slope F / v_0 at which the sampled loop of speed
+    and friction is at the limit of stability. Of a mass that slope stops it within the sample: it
     sticks, and creeps only by what tanh is below one.
 
     A slide of 10 kg that is pushed with less than its friction hardly moves:
