@@ -134,7 +134,7 @@ def check_above_zero(**values: Any) -> None:
     check_signs(SimpleNamespace(**values), positive=tuple(values))
 
 
-def whole_number(name: str, value: float, least: int = 0) -> int:
+def whole_number(name: str, value: int | float, least: int = 0) -> int:
     """The value as an int; ValueError unless it is a whole number of at least so much."""
     if not (value % 1 == 0 and value >= least):
         raise ValueError(f"{name}: needs a whole number of at least {least}, received {value}")
