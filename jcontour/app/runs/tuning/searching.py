@@ -19,10 +19,12 @@ from jcontour.app.runs.tuning.limits import WINDOWS
 from jcontour.app.runs.tuning.problem import TuningRun
 from tuning.exchange import STABLE, exchanged, put_back, without_slope
 from tuning.parameters import Chart
+from tuning.point import FEASIBLE, evaluate_values
 from tuning.tuner import Tuned, TuneState, advance, result
 
 ROUNDS = 3  # after the first: each costs a part of it, and few contours need more than one
 ROUND = "exchange-{}"
+STEPS_BACK = (0.95, 0.8, 0.6, 0.4, 0.2, 0.0)  # of the way from the start to an end beyond a limit
 
 
 class NothingSound(RuntimeError):
@@ -55,7 +57,7 @@ def searched(
         NothingSound: every point of the first round diverged.
     """
     # The same, with weights that have no effect where they started
-    end = _rounds(run, folder, show, console)
+    end = _within(_rounds(run, folder, show, console))
     problem, start = end.run.problem, end.run.start
     weights, idle = put_back(problem, start, end.tuned.weights, end.flat)
     if not idle.any():
@@ -65,6 +67,34 @@ def searched(
     first, moved = (Chart(problem.space, start).weights(at) for at in (z, beside))
     names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
     return replace(end, tuned=end.tuned._replace(weights=weights), idle=names)
+
+
+def _within(end: Searched) -> Searched:
+    """The end, or the farthest point on the way to it from the start that keeps every limit.
+
+    Loops that a later round adds may leave the limits to no point that it tries, where points of
+    the first round kept theirs.
+    """
+    tuned, problem, start = end.tuned, end.run.problem, end.run.start
+    if tuned.feasible or not any(row.violation <= FEASIBLE for row in tuned.history):
+        return end
+    chart = Chart(problem.space, start)
+    first = np.asarray(chart.coordinates())
+    way = np.asarray(Chart(problem.space, tuned.weights).coordinates()) - first
+    for part in STEPS_BACK:
+        point = evaluate_values(problem, start, first + part * way)
+        violation = float(np.max(point.limits, initial=-np.inf))
+        if not point.diverged and violation <= FEASIBLE:
+            there = tuned._replace(
+                weights=chart.weights(jnp.asarray(first + part * way)),
+                outcome=point.outcome,
+                feasible=True,
+                violation=violation,
+                prices=[],
+                exceeded=(),
+            )
+            return replace(end, tuned=there)
+    return end
 
 
 def _rounds(

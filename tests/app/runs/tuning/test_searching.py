@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import jax.numpy as jnp
@@ -13,15 +14,16 @@ from jcontour.analysis.sensitivity import probe_samples
 from jcontour.app.designs.design import Design
 from jcontour.app.files.checkpoints import load_state
 from jcontour.app.flags.tuning import Tune
+from jcontour.app.runs.tuning import searching
 from jcontour.app.runs.tuning.limits import WINDOWS
 from jcontour.app.runs.tuning.problem import TuningRun
-from jcontour.app.runs.tuning.searching import ROUND, NothingSound, searched
+from jcontour.app.runs.tuning.searching import ROUND, NothingSound, Searched, searched
 from tests.app.small_runs import partly
 from tests.tuning.bumped import HIGH, REFERENCE, problem_of
 from tuning.exchange import STABLE
-from tuning.parameters import Positive
+from tuning.parameters import Chart, Positive
 from tuning.problem import THOROUGH
-from tuning.tuner import TuneState
+from tuning.tuner import Tuned, TuneState
 
 SAMPLES = (27, 28)
 
@@ -61,6 +63,28 @@ def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(en
     assert end.descents == 2
     rejected = sum(row.diverged for state in rounds for row in state.history)
     assert end.tuned.diverged_points == rejected and not end.tuned.stabilised
+
+
+def test_an_end_beyond_a_limit_steps_back_to_where_every_limit_is_kept(monkeypatch):
+    """A limit half of the way from the start to the end: the next point tried is at 0.4 of it."""
+    run = run_from(0.4)
+    chart = Chart(run.problem.space, run.start)
+    first = np.asarray(chart.coordinates())
+
+    def evaluated(problem, start, z):
+        beyond = (z - first)[0] - 0.5
+        return SimpleNamespace(diverged=False, limits=np.array([beyond]), outcome=z)
+
+    monkeypatch.setattr(searching, "evaluate_values", evaluated)
+    nothing = cast(Any, None)
+    far = chart.weights(jnp.asarray(first + 1))
+    for before, kept in ((-0.1, True), (0.1, False)):  # of a point of the first round
+        rows = cast(Any, [SimpleNamespace(violation=before)])
+        tuned = Tuned(far, nothing, False, 0.01, 0, 0, rows, [], False, True)
+        end = searching._within(Searched(run, tuned, 1)).tuned
+        assert end.feasible is kept
+        there = np.asarray(Chart(run.problem.space, end.weights).coordinates()) - first
+        assert there[0] == pytest.approx(0.4 if kept else 1.0)
 
 
 def test_nothing_sound_is_told(tmp_path):
