@@ -235,14 +235,14 @@ def _calm_slope(A: np.ndarray, E: np.ndarray, rows: np.ndarray, gains: np.ndarra
 
 def _unbending(plant: LinearPlant) -> Float[np.ndarray, "n n"]:
     """Spectral projector on the modes that neither oscillate nor end within a sample or two."""
-
-    def slow(pole: complex) -> bool:
-        return pole.real > ENDS and abs(pole.imag) < ABOUT_ONE + 0.1 * abs(1 - pole.real)
-
     A, onto = np.asarray(plant.A), np.zeros((plant.states, plant.states))
     for axis in decoupled_axes(plant.pattern):
         own = np.ix_(axis.states, axis.states)
-        T, Z, *more = schur(A[own], output="complex", sort=slow)
+        T, Z, *more = schur(
+            A[own],
+            output="complex",
+            sort=lambda p: p.real > ENDS and abs(p.imag) < ABOUT_ONE + 0.1 * abs(1 - p.real),
+        )
         count = int(more[0])
         X = solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
         basis = Z.conj().T
