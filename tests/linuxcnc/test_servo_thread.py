@@ -16,7 +16,7 @@ BUILT_IN = Path("jcontour/app/jobs/toolpaths")
 PARTS = [HERE / f"{name}.ngc" for name in ("square", "lobes", "pocket")]
 PARTS += [BUILT_IN / f"{name}.ngc" for name in ("bracket", "cam")]
 NEAR = 0.05  # of the RMS contour error of `simulate`
-COUNT = 0.1  # of a count: whole counts are met at other samples
+COUNT = 0.25  # of a count: they are met at other samples, and friction holds a tool between two
 
 needs_linuxcnc = pytest.mark.skipif(bool(missing()), reason=missing())
 
