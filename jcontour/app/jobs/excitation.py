@@ -8,7 +8,7 @@ coupling is then distinct from an axis's own answer. All lines have the same spe
 and the same acceleration above it. Then moves at steady speeds, each half of the one before, for
 friction that depends on the speed, and strokes to and fro, as a part has them, for dry friction and
 backlash. As G-code: moves to and fro that get shorter, each axis by itself and then all together.
-The speed stays within half of its limit, positions within a third of the travel either side of the
+The speed stays within half of its limit, positions within 35 % of the travel either side of the
 start; the acceleration of the CSV within half of its limit, that of the G-code is the control's.
 """
 

@@ -210,7 +210,7 @@ class LinearMachine(GainsAndDelayMachine):
 
     @cached_property
     def mechanics(self) -> Plant:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The model with friction, which the delays of the model do not delay."""
+        """The model with friction; where drives take positions no wait of a control delays it."""
         if self.friction is None or not self.largest_friction:
             return self.model
         A, C = np.asarray(self.model.A), np.asarray(self.model.C)

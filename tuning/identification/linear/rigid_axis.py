@@ -218,15 +218,15 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     if not tried:
         return None
     half, best = max(tried, key=lambda one: _explained(training, one[1]))
-    whole = _sliding(record, validation.speed_signs(record.position, resolution), half, most_delay)
+    signs = validation.speed_signs(record.position, resolution)
+    whole = _sliding(record, signs, half, most_delay)
     left = [1 - _explained(record, one) for one in (whole or best, best)]
     whole = best if whole is None or left[0] > TELLS * left[1] else whole
     output = _moved(rest, best)[0]
-    stribeck = _stribeck(record, validation.speed_signs(record.position, resolution), whole)
+    stribeck = _stribeck(record, signs, whole)
     if stribeck is not None:
         whole = replace(whole, values=np.where(np.arange(4) == 2, stribeck[0], whole.values))
     explained = part_explained(rest.position, output)
-    signs = validation.speed_signs(record.position, resolution)
     dragged = replace(record, drags=(signs, np.ones(len(signs))))
     drag = np.array([whole.values[2], -whole.values[3]])
     fit = with_slopes(dragged, whole.model(record.dt), drag)
