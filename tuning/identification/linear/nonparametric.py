@@ -13,9 +13,10 @@ section 4.3). The excitation is periodic under feedback too, so that no noise co
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import coherence, csd, fftconvolve, welch
 from scipy.stats import norm
@@ -38,15 +39,17 @@ SMOOTH = 5e-3  # [s] over which a command is looked at for periods
 FINE = 1e-3  # [s] of these differences: over less there is mostly noise
 LEVEL = 0.5  # [s] over which its size is taken
 STILL = 1e-6  # of its largest size: what running sums leave of a command that does not bend
-ALIKE = 0.25  # least correlation of a record with itself a period later
-SURER = 1.2  # times as large in the position as in the command
+ALIKE = 0.25  # least correlation of a record with itself a period later: root of the sum of r^2
+SURER = 1.2  # times as telling in the command: what rings has periods of its own
 ASKED = 0.1  # of its command: it is asked to, and does not ring
 PARTS, NEARLY = 10, 0.8  # of a time of several periods at most; of the largest correlation
+LOUDER = 1.7  # times: another level of a command
+NEARBY = 4  # samples by which a correlation may miss a period
 SAME = 0.9  # of the largest local correlation, within a section
 MARGIN = 0.2  # of a period that is left out at either end of a section
 FEWEST = 2  # periods of a section
 BESIDE = 3  # lines on either side with which a line is compared, and its variance averaged
-LEAST = 1e-6  # of the largest spectral line of a command: the rest is rounding
+LEAST = 1e-6  # of the largest spectral line: the rest is rounding
 SEEN = 20.0  # times its variance between periods: the power of a command that is excited
 EXCITED = 0.1  # of the largest power beside it
 FACTOR = 2.0  # deviations of a complex number within 95 % of its errors
@@ -140,25 +143,101 @@ def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:
     return places.ravel()
 
 
+class Level(NamedTuple):
+    """What the sections of one level show at every line of their period."""
+
+    value: Complex[np.ndarray, " L"]  # G
+    variance: Float[np.ndarray, " L"]
+    power: Float[np.ndarray, " L"]  # of the command; 0 where it is not seen beside its noise
+
+
 def periodic_lines(record: AxisRecord) -> Response:
-    """Lines at which periods of the record show the response; none of a record without periods."""
-    shapes = list(_shapes(record))
-    tried = [(*_alike(shape, record.dt), shape) for shape in shapes]
-    # noise of an encoder hides periods of a command, and what rings has some of its own
-    best, rows, _ = tried[tried[1][0] > SURER * tried[0][0]]
-    asked = rows and np.mean(shapes[0][:-rows] * shapes[0][rows:])
-    if best < ALIKE or not asked > ASKED * np.mean(shapes[0] ** 2):
-        return NO_LINES
-    parts = [list(_sections(shape, rows)) for *_, shape in tried]
-    sections = max(parts, key=lambda part: sum(count for _, count in part))
+    """Lines at which periods of the record show the response; none of a record without periods.
+
+    Of several levels the one with the least total variance counts, line by line: noise hides small
+    motion, and a gap stays closed in it.
+    """
+    rows, sections = _periodic(record)
     if not sections:
         return NO_LINES
+    levels = [_level(record, rows, part) for part in _by_level(record, rows, sections)]
+    value, variance, power = (np.stack(part) for part in zip(*levels, strict=True))
+    near = np.max([np.roll(power, k, axis=1) for k in range(-BESIDE, BESIDE + 1)], axis=0)
+    # what is not linear moves other lines, the less the smaller the motion
+    excited = np.all((power > EXCITED * near) | (near == 0), axis=0) & near.any(axis=0)
+    hertz = np.fft.rfftfreq(rows, record.dt)
+    kept = np.flatnonzero(excited & (hertz > 0) & (hertz < 0.45 / record.dt))
+    hertz, value = hertz[kept], value[:, kept]
+    size = np.maximum(np.median(np.abs(value), axis=0), 1e-300)
+    relative, faint = variance[:, kept] / size**2, (FAINT * np.abs(value) / size) ** 2
+    seen = (power[:, kept] > 0) & (relative < faint)
+    count, total = (
+        uniform_filter1d(part, 2 * BESIDE + 1, axis=1, mode="nearest")
+        for part in (seen.astype(float), np.where(seen, relative, 0.0))
+    )
+    # a running sum rounds below zero
+    averaged = np.maximum(total, 0.0) / np.maximum(count, 0.5)
+    mean = np.where(seen & (count > 0.5), averaged, np.maximum(relative, faint))
+    best = np.argmin(mean, axis=0), np.arange(len(kept))
+    half = FACTOR * np.sqrt(mean[best]) * size / np.abs(value[best])
+    clear = np.flatnonzero(half < CLEAR)
+    if not clear.size:
+        return NO_LINES
+    sure = half < FAINT
+    sure[: clear[0]] = sure[clear[-1] + 1 :] = False  # faint ones show where clear ones are around
+    return Response(hertz[sure], value[best][sure], half[sure])
+
+
+def _periodic(record: AxisRecord) -> tuple[int, list[tuple[int, int]]]:
+    """Samples of a period, and the sections that repeat it; none where the command does not."""
+    shapes = list(_shapes(record))
+    rows = _period(shapes, record.dt)
+    parts = [list(_sections(shape, rows)) if rows else [] for shape in shapes]
+    sections = max(parts, key=lambda part: sum(count for _, count in part))
+    pairs = [np.split(shapes[0][start : start + 2 * rows], 2) for start, _ in sections]
+    if not any(one @ two > ASKED * (one @ one) for one, two in pairs):
+        return 0, []
+    near = range(rows - NEARBY, rows + NEARBY + 1)
+    return max(near, key=lambda one: _repeated(record, one, sections)), sections
+
+
+def _repeated(record: AxisRecord, rows: int, sections: list[tuple[int, int]]) -> float:
+    """How much of the lines is the same in each period, as a mean of logarithms."""
+    total = 0.0
+    for signal in (record.command, record.position):
+        for start, count in sections:
+            each = _spectra(signal, rows, start, count)[:, 1:]
+            power = np.sum(np.abs(each) ** 2, axis=0)
+            apart = np.sum(np.abs(each - each.mean(axis=0)) ** 2, axis=0)
+            least = LEAST * power.max()
+            total += float(np.mean(np.log((power + least) / (apart + least))))
+    return total
+
+
+def _spectra(
+    signal: Float[np.ndarray, " T"], rows: int, start: int, count: int
+) -> Complex[np.ndarray, "{count} L"]:
+    """Of the differences over each period."""
+    return np.fft.rfft(np.diff(signal[start : start + count * rows + 1]).reshape(count, rows))
+
+
+def _by_level(
+    record: AxisRecord, rows: int, sections: list[tuple[int, int]]
+) -> list[list[tuple[int, int]]]:
+    """Sections with about as much motion; all together where one has no other beside it."""
+    smooth = np.diff(uniform_filter1d(record.position, max(round(SMOOTH / record.dt), 1)))
+    size = [np.std(smooth[start : start + rows]) for start, _ in sections]
+    order = np.argsort(size)
+    apart = np.flatnonzero(np.diff(np.log(np.array(size)[order])) > np.log(LOUDER)) + 1
+    groups = [[sections[k] for k in part] for part in np.split(order, apart)]
+    return groups if min(map(len, groups)) > 1 else [sections]
+
+
+def _level(record: AxisRecord, rows: int, sections: list[tuple[int, int]]) -> Level:
+    """Of sections of one level."""
     values, weights, noise, own = [], [], [], []
     for start, count in sections:
-        U, Y = (
-            np.fft.rfft(np.diff(signal[start : start + count * rows + 1]).reshape(count, rows))
-            for signal in (record.command, record.position)
-        )
+        U, Y = (_spectra(one, rows, start, count) for one in (record.command, record.position))
         U_mean = U.mean(axis=0)
         U_mean = np.where(np.abs(U_mean) > LEAST * np.abs(U_mean).max(), U_mean, np.inf)
         G = Y.mean(axis=0) / U_mean
@@ -175,48 +254,31 @@ def periodic_lines(record: AxisRecord) -> Response:
         spread = (w**2 * np.abs(G - value) ** 2).sum(axis=0)
         variance = np.maximum(variance, spread * len(sections) / (len(sections) - 1))
     power = np.sum(weights, axis=0)
-    return _excited(
-        record, rows, value, variance, np.where(power > SEEN * np.sum(own, axis=0), power, 0.0)
-    )
+    return Level(value, variance, np.where(power > SEEN * np.sum(own, axis=0), power, 0.0))
 
 
-def _excited(record: AxisRecord, rows: int, value, variance, power) -> Response:
-    """The lines that are excited, their variances averaged over neighbours."""
-    hertz = np.fft.rfftfreq(rows, record.dt)
-    near = np.stack([np.roll(power, k) for k in range(-BESIDE, BESIDE + 1)])
-    relative = variance / np.maximum(np.abs(value) ** 2, 1e-300)
-    inside = (hertz > 0) & (hertz < 0.45 / record.dt)
-    kept = np.flatnonzero(inside & (power > EXCITED * near.max(axis=0)) & (relative < FAINT**2))
-    if not kept.size:
-        return NO_LINES
-    mean = uniform_filter1d(relative[kept], 2 * BESIDE + 1, mode="nearest")
-    half = FACTOR * np.sqrt(np.maximum(mean, 0.0))  # a running sum rounds below zero
-    clear = np.flatnonzero(half < CLEAR)
-    if not clear.size:
-        return NO_LINES
-    sure = half < FAINT
-    sure[: clear[0]] = sure[clear[-1] + 1 :] = False  # faint ones show where clear ones are around
-    return Response(hertz[kept][sure], value[kept][sure], half[sure])
+def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:
+    """Samples after which signals are most alike themselves, by the sum of r^2; 0 if hardly.
 
-
-def _alike(shape: Float[np.ndarray, " T"], dt: float) -> tuple[float, int]:
-    """Largest correlation of a signal with itself later, and its period [samples].
-
-    Several periods later it is about as large: the shortest whole part counts at which it is.
+    Several periods later they are about as alike: the shortest whole part counts at which they are.
     """
-    count, least = len(shape), round(SHORTEST / dt)
-    most = count // (FEWEST + 1)
+    least, most = round(SHORTEST / dt), min(map(len, shapes)) // (FEWEST + 1)
     if most <= least:
-        return 0.0, 0
-    overlap = fftconvolve(shape, shape[::-1])[count - 1 :]
-    alike = overlap[least:most] / (np.arange(count, count - most, -1)[least:] * np.mean(shape**2))
+        return 0
+    alike = np.zeros(most - least)
+    for shape, more in zip(shapes, (SURER, 1.0), strict=True):
+        count = len(shape)
+        overlap = fftconvolve(shape, shape[::-1])[count - 1 + least : count - 1 + most]
+        r = overlap / (np.arange(count - least, count - most, -1) * np.mean(shape**2) + 1e-300)
+        alike += np.maximum(more * r, 0.0) ** 2
     found = int(np.argmax(alike))
     for part in range(PARTS, 1, -1):
         near = round((least + found) / part) - least + np.arange(-2, 3)
         near = near[near >= 0]
-        if near.size and alike[near].max() > NEARLY * alike[found]:
-            return float(alike[found]), least + int(near[np.argmax(alike[near])])
-    return float(alike[found]), least + found
+        if near.size and alike[near].max() > NEARLY**2 * alike[found]:
+            found = int(near[np.argmax(alike[near])])
+            break
+    return least + found if alike[found] > ALIKE**2 else 0
 
 
 def _shapes(record: AxisRecord) -> Iterator[Float[np.ndarray, " T"]]:

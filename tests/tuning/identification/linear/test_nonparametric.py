@@ -158,6 +158,21 @@ def test_lines_that_say_little_by_themselves_say_more_together():
     np.testing.assert_allclose(found.value, lines.value[1:-1])
 
 
+def test_lines_are_those_of_the_level_that_shows_them_best():
+    """Small motion shows a response that large motion hides, and is hidden where noise is more."""
+    random, axis = np.random.default_rng(4), AxisModel(np.array([-0.9]), np.array([0.1]), 0, 2, DT)
+    command = np.concatenate([level * multisine(random) for level in np.repeat([1.0, 0.1], 2)])
+    linear = simulated(AxisRecord(DT, command, command), axis).output
+    room = 0.2 * np.abs(linear).max()  # beyond it the load moves by itself
+    answer = linear + 3 * (linear - np.clip(linear, -room, room))
+    noise = 1e-7 * random.standard_normal(len(answer))
+    for position, bound in ((answer + noise, 0.05), (linear + noise, 0.005)):
+        lines = periodic_lines(AxisRecord(DT, command, position))
+        off = np.abs(lines.value / axis.response(2 * np.pi * lines.frequency) - 1)
+        assert len(lines.frequency) > 50 and np.median(off) < bound
+        assert np.mean(off <= lines.half_width) > 0.85
+
+
 def test_moves_have_no_periods(record):
     part = record.part(SECTIONS * PERIODS * PERIOD, len(record.command))
     assert not periodic_lines(part).frequency.size
