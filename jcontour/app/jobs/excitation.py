@@ -1,8 +1,9 @@
 """Programs whose record shows what a tuner needs to know of a machine's axes.
 
 As CSV: random-phase multisines, periodic in `PERIOD`, on a slow move that keeps friction and
-backlash on one side, for two realisations at each of three levels; each section runs one period for
-the transient and `KEPT` more. A gap stays closed in small ones, noise hides them. From these the best linear approximation and its total variance follow
+backlash on one side, for two realisations at each of three levels: a gap stays closed in small
+ones, noise hides them. Each section runs one period for the transient and `KEPT` more. From these
+the best linear approximation and its total variance follow
 (Pintelon & Schoukens, System Identification, 2nd ed., section 4.3). No two axes share a frequency:
 coupling is then distinct from an axis's own answer. All lines have the same speed up to a corner,
 and the same acceleration above it. Then moves at steady speeds, each half of the one before, for
@@ -37,7 +38,7 @@ from jcontour.app.files.schema import (
 SHARE = 0.5  # of the limits
 PART = 0.35  # of the travel, either side of the start
 PERIOD = 2.0  # [s] of the multisines
-KEPT = 5  # periods of a section beside that of its transient
+KEPT = 3  # periods of a section beside that of its transient
 LEVELS = (1.0, 0.3, 0.1)  # of the multisines
 REALISATIONS = 2
 DRAWN = 50  # phases of which those with the lowest peak are taken
