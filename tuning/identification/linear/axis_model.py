@@ -7,6 +7,7 @@ friction, whose pole is in a), two for a force without friction.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -152,9 +153,8 @@ def _rates(roots: np.ndarray, dt: float) -> np.ndarray:
 
 
 STIFFNESS = np.linspace(0.0, 0.9, 10) ** 2  # shares of it that a gap leaves: modes 10 % apart
-DAMPING = np.geomspace(0.125, 4.0, 11)  # of a load that dry friction holds, c / (m w_a)
-# times both frequencies of a coupling, as far as it matters; and how many, where a peak is broad
-SPAN, PLACES, BROAD = 4.0, 16, 32
+DAMPING = np.geomspace(0.125, 4.0, 6)  # of a load that dry friction holds, c / (m w_a)
+SPAN, PLACES = 4.0, 16  # times both frequencies of a coupling, as far as it matters; how many
 FOUND = 0.3  # relative distance of a root from where it was looked for
 BESIDE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])  # half widths of a peak
 
@@ -208,29 +208,30 @@ def other_amplitudes(
     zero, pole = zeros[0], newton(masses, poles[0], full_output=True, disp=False)[0]
     if not (abs(pole - poles[0]) < FOUND * abs(poles[0]) and abs(pole) < highest):
         return np.zeros(0), np.zeros(0, complex)
-    ends = abs(zero) / SPAN, abs(pole) * SPAN
-    frequencies, ratios = [], []  # Z over what it is instead
-    for share in STIFFNESS:
-        around = [np.sqrt(share) * (abs(one) + BESIDE * one.real) for one in (zero, pole)]
-        w = np.unique(np.concatenate([np.geomspace(*ends, PLACES), *around]))
+    ends, frequencies, ratios = (abs(zero) / SPAN, abs(pole) * SPAN), [], []
+    load = 1 / (abs(pole / zero) ** 2 - 1)  # the motor's mass over the load's
+    # a controller may be sharp where the model is
+    sharp = np.concatenate([abs(one) + BESIDE * one.real for one in (zero, pole)])
+    both = product([*STIFFNESS[1::2], 1.0], DAMPING)
+    for share, damping in [*product(STIFFNESS, [0.0]), *both]:
+        soft = np.sqrt(share)
+        w = np.unique(np.concatenate([np.geomspace(*ends, PLACES), sharp, soft * sharp]))
         w = w[(w > 0) & (w * model.dt < np.pi)]
-        softer = (_pair(1j * w, np.sqrt(share) * one) for one in (zero, pole))
-        frequencies.append(w)
-        ratios.append(_pair(1j * w, pole) / _pair(1j * w, zero) * next(softer) / next(softer))
-    w = np.geomspace(*ends, BROAD)
-    w = w[w * model.dt < np.pi]
-    for damping in DAMPING * abs(zero):
-        frequencies.append(w)
-        ratios.append(_damped(1j * w, zero, pole, 0.0) / _damped(1j * w, zero, pole, damping))
+        pairs = [_pair(1j * w, part * one) for part in (1.0, soft) for one in (zero, pole)]
+        free, damped = (
+            _damped(1j * w, soft * zero, load, one * abs(zero)) for one in (0.0, damping)
+        )
+        frequencies.append(w)  # and Z over what it is instead
+        ratios.append(pairs[1] / pairs[0] * pairs[2] / pairs[3] * free / damped)
     w = np.concatenate(frequencies)
     rest, left = held + 1j * d * w, masses(1j * w)
     return w, (rest + left) / (rest + left / np.concatenate(ratios)) - 1
 
 
-def _damped(s: np.ndarray, zero: complex, pole: complex, g: float) -> np.ndarray:
+def _damped(s: np.ndarray, zero: complex, r: float, g: float) -> np.ndarray:
     """r s + q (s + g) / (s^2 + g s + q) of a motor and its load."""
     q = abs(zero) ** 2 - 2 * zero.real * s
-    return s / (abs(pole / zero) ** 2 - 1) + q * (s + g) / (s**2 + g * s + q)
+    return r * s + q * (s + g) / (s**2 + g * s + q)
 
 
 def _pair(s: Complex[np.ndarray, " F"], root: complex) -> Complex[np.ndarray, " F"]:

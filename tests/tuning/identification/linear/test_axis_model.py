@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
@@ -145,7 +147,7 @@ def test_a_coupling_in_its_gap_is_softer_and_a_load_with_friction_damped(drive):
     ends = [0, *np.flatnonzero(np.diff(w) < 0) + 1, len(w)]
     k = (2 * np.pi * HERTZ) ** 2 * MOTOR * LOAD / (MOTOR + LOAD)
     others = [(share, 0.0) for share in STIFFNESS]
-    others += [(1.0, one * np.sqrt(k * LOAD)) for one in DAMPING]
+    others += product([*STIFFNESS[1::2], 1.0], DAMPING * np.sqrt(k * LOAD))
     assert len(ends) == len(others) + 1 and np.abs(off).max() > 5
 
     def response(share, damper, w):
@@ -156,7 +158,8 @@ def test_a_coupling_in_its_gap_is_softer_and_a_load_with_friction_damped(drive):
     for other, first, last in zip(others, ends[:-1], ends[1:], strict=True):
         part = w[first:last]
         ratio = response(*other, part) / response(1.0, 0.0, part)
-        near = 0.01 if other[1] == 0 else 0.03
+        near = 0.01 if other[1] == 0 else 0.05
+        assert np.abs(part / np.sqrt(k / LOAD) - 1).min() < 0.01  # where a controller may be sharp
         np.testing.assert_allclose(1 + off[first:last], ratio, rtol=near, atol=near)
 
 
