@@ -16,7 +16,6 @@ from jaxtyping import Complex, Float
 
 STEP = 25e-6  # [s] at most
 INNER = 250e-6  # [s] sample period of the cascade in a drive that takes a position
-CREEP = 1e-4  # [m/s] within which friction turns over
 LONGEST = 8.0  # [s] of an answer to a pulse
 
 

@@ -35,12 +35,10 @@ from tuning.identification.linear.validation import (
 )
 
 SHORTEST = 0.25  # [s] of a period
-SMOOTH = 5e-3  # [s] over which a command is looked at for periods
-FINE = 1e-3  # [s] of these differences: over less there is mostly noise
+SMOOTH = 5e-3  # [s] of differences that are looked at for periods: over less there is mostly noise
 LEVEL = 0.5  # [s] over which its size is taken
 STILL = 1e-6  # of its largest size: what running sums leave of a command that does not bend
 ALIKE = 0.25  # least correlation of a record with itself a period later: root of the sum of r^2
-SURER = 1.2  # times as telling in the command: what rings has periods of its own
 ASKED = 0.1  # of its command: it is asked to, and does not ring
 PARTS, NEARLY = 10, 0.8  # of a time of several periods at most; of the largest correlation
 LOUDER = 1.7  # times: another level of a command
@@ -266,11 +264,11 @@ def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:
     if most <= least:
         return 0
     alike = np.zeros(most - least)
-    for shape, more in zip(shapes, (SURER, 1.0), strict=True):
+    for shape in shapes:
         count = len(shape)
         overlap = fftconvolve(shape, shape[::-1])[count - 1 + least : count - 1 + most]
         r = overlap / (np.arange(count - least, count - most, -1) * np.mean(shape**2) + 1e-300)
-        alike += np.maximum(more * r, 0.0) ** 2
+        alike += np.maximum(r, 0.0) ** 2
     found = int(np.argmax(alike))
     for part in range(PARTS, 1, -1):
         near = round((least + found) / part) - least + np.arange(-2, 3)
@@ -282,15 +280,13 @@ def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:
 
 
 def _shapes(record: AxisRecord) -> Iterator[Float[np.ndarray, " T"]]:
-    """What may repeat: second differences of the command and of the position, over their sizes.
-
-    Noise of an encoder comes to the command of a loop; over longer steps there is little of it.
-    """
-    level, window = round(LEVEL / record.dt), max(round(SMOOTH / record.dt), 1)
-    for signal, seconds in ((record.command, FINE), (record.position, SMOOTH)):
-        step = max(round(seconds / record.dt), 1)
-        fine = uniform_filter1d(signal, step)
-        bent = uniform_filter1d(fine[2 * step :] - 2 * fine[step:-step] + fine[: -2 * step], window)
+    """What may repeat: second differences of the command and of the position, over their sizes."""
+    level, step = round(LEVEL / record.dt), max(round(SMOOTH / record.dt), 1)
+    for signal in (record.command, record.position):
+        smooth = uniform_filter1d(signal, step)
+        bent = uniform_filter1d(
+            smooth[2 * step :] - 2 * smooth[step:-step] + smooth[: -2 * step], step
+        )
         size = np.sqrt(np.maximum(uniform_filter1d(bent**2, level), 0.0))
         yield bent / np.maximum(size, STILL * size.max() + 1e-300)
 
