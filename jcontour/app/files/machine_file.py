@@ -131,6 +131,8 @@ class LinearMachineFile(Schema):
     friction: OneOrEach[NotNegative] | None = 0.0
     """[control unit] that dry friction takes, null where it is not known; it is in the runs, it is
     fed forward, and what is proven takes it as a force"""
+    friction_known_to: OneOrEach[Annotated[NotNegative, Field(lt=1)]] = 0.1
+    """fraction to which it is known"""
     stribeck_friction: OneOrEach[NotNegative] = 0.0
     """[control unit] that it takes more at rest; in the runs and in what is proven"""
     stribeck_speed: OneOrEach[Positive] | None = None

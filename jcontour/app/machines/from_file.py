@@ -106,6 +106,7 @@ def machine_from(content: bytes, name: str = "machine") -> Machine:
         friction=None
         if file.friction is None
         else one_or_each("friction", file.friction, plant.axes),
+        friction_known_to=one_or_each("friction_known_to", file.friction_known_to, plant.axes),
         stribeck=_stribeck(file, plant.axes, metre),
         backlash=one_or_each("backlash", file.backlash, plant.axes) * metre,
         note=file.note or "",

@@ -74,6 +74,7 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
         "friction": _friction(identified),
+        "friction_known_to": [one.friction_known_to for one in identified.axes],
         **_stribeck(identified),
     }
     # What moves a drive that takes a position beside its command, where that is much

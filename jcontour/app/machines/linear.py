@@ -35,8 +35,6 @@ from jcontour.simulation.limit_use import hidden_acceleration
 if TYPE_CHECKING:
     from jcontour.analysis.uncertain_loops import Lines
 
-# of its size: it changes with speed, place, load and temperature, and from day to day
-FRICTION_KNOWN_TO = 0.1
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
@@ -70,6 +68,8 @@ class LinearMachine(GainsAndDelayMachine):
     # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
     # loops; None where it is not known, and nowhere
     friction: float | np.ndarray | None = 0.0
+    # part of it that changes with place, load and temperature, of all axes or of each (m,)
+    friction_known_to: float | np.ndarray = 0.1
     # what it is more at rest, and the speed at which half of that is left [m/s], likewise
     stribeck: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 1.0)
     # gap between the motor, which is measured, and the tool [m], of all axes or of each (m,): in
@@ -229,7 +229,7 @@ class LinearMachine(GainsAndDelayMachine):
         known = self.uncertainty.gain
         if not (known and self.largest_friction):
             return self.mechanics
-        factor = jnp.asarray(1 - FRICTION_KNOWN_TO * (gains - 1) / known)
+        factor = jnp.asarray(1 - self.friction_known_to * (gains - 1) / known)
         return with_dry_friction_times(self.mechanics, factor)
 
     def hosted(self) -> Hosted:
@@ -250,7 +250,7 @@ class LinearMachine(GainsAndDelayMachine):
             if np.any(self.stribeck[0]):
                 more = " ".join(f"{one:.3g}" for one in np.atleast_1d(self.stribeck[0]))
                 each += f" (at rest {more} more)"
-            known = f"known to {100 * FRICTION_KNOWN_TO:g} %"
+            known = f"known to {100 * np.max(self.friction_known_to):.3g} %"
             friction = f"{each} {self.control_unit}, {known}, in the runs and in what is proven"
         return {
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",

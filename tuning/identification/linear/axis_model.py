@@ -153,7 +153,7 @@ def _rates(roots: np.ndarray, dt: float) -> np.ndarray:
 
 
 STIFFNESS = np.linspace(0.0, 0.9, 10) ** 2  # shares of it that a gap leaves: modes 10 % apart
-# of a load that dry friction holds, c / (m w_a); with more the motor hardly moves: it holds that too
+# of a load that dry friction holds, c / (m w_a); where it is more, it holds the motor too
 DAMPING = np.geomspace(0.125, 2.0, 9)
 SPAN, PLACES = 4.0, 16  # times both frequencies of a coupling, as far as it matters; how many
 FOUND = 0.3  # relative distance of a root from where it was looked for

@@ -146,7 +146,8 @@ class Level(NamedTuple):
 
     value: Complex[np.ndarray, " L"]  # G
     variance: Float[np.ndarray, " L"]
-    power: Float[np.ndarray, " L"]  # of the command; 0 where it is not seen beside its noise
+    power: Float[np.ndarray, " L"]  # of the command
+    floor: Float[np.ndarray, " L"]  # of it that noise may be
 
 
 def periodic_lines(record: AxisRecord) -> Response:
@@ -159,16 +160,18 @@ def periodic_lines(record: AxisRecord) -> Response:
     if not sections:
         return NO_LINES
     levels = [_level(record, rows, part) for part in _by_level(record, rows, sections)]
-    value, variance, power = (np.stack(part) for part in zip(*levels, strict=True))
-    near = np.max([np.roll(power, k, axis=1) for k in range(-BESIDE, BESIDE + 1)], axis=0)
+    value, variance, power, floor = (np.stack(part) for part in zip(*levels, strict=True))
+    shown = np.where(power > floor, power, 0.0)
+    near = np.max([np.roll(shown, k, axis=1) for k in range(-BESIDE, BESIDE + 1)], axis=0)
     # what is not linear moves other lines, the less the smaller the motion
-    excited = np.all((power > EXCITED * near) | (near == 0), axis=0) & near.any(axis=0)
+    other = np.maximum(power, floor) < EXCITED * near
+    excited = shown.any(axis=0) & ~other.any(axis=0)
     hertz = np.fft.rfftfreq(rows, record.dt)
     kept = np.flatnonzero(excited & (hertz > 0) & (hertz < 0.45 / record.dt))
     hertz, value = hertz[kept], value[:, kept]
     size = np.maximum(np.median(np.abs(value), axis=0), 1e-300)
     relative, faint = variance[:, kept] / size**2, (FAINT * np.abs(value) / size) ** 2
-    seen = (power[:, kept] > 0) & (relative < faint)
+    seen = (shown[:, kept] > 0) & (relative < faint)
     count, total = (
         uniform_filter1d(part, 2 * BESIDE + 1, axis=1, mode="nearest")
         for part in (seen.astype(float), np.where(seen, relative, 0.0))
@@ -251,8 +254,7 @@ def _level(record: AxisRecord, rows: int, sections: list[tuple[int, int]]) -> Le
     if len(sections) > 1:
         spread = (w**2 * np.abs(G - value) ** 2).sum(axis=0)
         variance = np.maximum(variance, spread * len(sections) / (len(sections) - 1))
-    power = np.sum(weights, axis=0)
-    return Level(value, variance, np.where(power > SEEN * np.sum(own, axis=0), power, 0.0))
+    return Level(value, variance, np.sum(weights, axis=0), SEEN * np.sum(own, axis=0))
 
 
 def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:

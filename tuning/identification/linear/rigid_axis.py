@@ -67,6 +67,7 @@ class Simple(Judged):
 
     estimate: Estimate  # of its coefficients, by blocks of the record
     stribeck: tuple[float, float] | None = None  # f_s [command], v_s [m/s]; None where not sure
+    ripple: float = 0.0  # amplitude of a slow force that nothing of it explains [command]
 
 
 def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
@@ -223,7 +224,7 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     left = [1 - _explained(record, one) for one in (whole or best, best)]
     whole = best if whole is None or left[0] > TELLS * left[1] else whole
     output = _moved(rest, best)[0]
-    stribeck = _stribeck(record, signs, whole)
+    stribeck, ripple = _at_low_speed(record, signs, whole)
     if stribeck is not None:
         whole = replace(whole, values=np.where(np.arange(4) == 2, stribeck[0], whole.values))
     explained = part_explained(rest.position, output)
@@ -231,7 +232,7 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     drag = np.array([whole.values[2], -whole.values[3]])
     fit = with_slopes(dragged, whole.model(record.dt), drag)
     more = None if stribeck is None else stribeck[1:]
-    return Simple(dragged, fit, output, explained, whole.estimate(record.dt), more)
+    return Simple(dragged, fit, output, explained, whole.estimate(record.dt), more, ripple)
 
 
 def is_reversed(record: AxisRecord, resolution: float) -> bool:
@@ -246,37 +247,43 @@ def is_reversed(record: AxisRecord, resolution: float) -> bool:
     return bool((values[:3] < 0).all() and np.var(force - A @ values) < TELLS_SIGN * np.var(force))
 
 
-def _stribeck(
+def _at_low_speed(
     record: AxisRecord, signs: Float[np.ndarray, " T"], one: _Sliding
-) -> tuple[float, float, float] | None:
-    """Friction that slides, what is more at rest, and the speed at which half of that is left."""
+) -> tuple[tuple[float, float, float] | None, float]:
+    """Friction that slides, what is more at rest, the speed at which half of that is left; ripple.
+
+    The ripple is that of a sine with the variance of the force that is left, as of cogging.
+    """
     rates = _kernel(max(round(SEES / record.dt), FEWEST), record.dt)
     if 2 * len(rates[0]) > len(signs):
-        return None
+        return None, 0.0
     moves = fftconvolve((signs == 0).astype(float), rates[0], "valid") < STILL
     speed = fftconvolve(record.position, rates[1], "same")
     force = fftconvolve(_held(record, one.delay), rates[0], "valid")[moves]
     A = _regressors(record.position, -signs, rates)[moves]
+    if len(A) < BLOCKS * (A.shape[1] + 1):
+        return None, 0.0
+    ripple = float(np.sqrt(2 * np.var(force - A @ np.linalg.lstsq(A, force, rcond=None)[0])))
     found = []
     for v_s in STRIBECK:
         more = fftconvolve(-signs * 0.5 ** ((speed / v_s) ** 2), rates[0], "valid")[moves]
         columns = np.column_stack([A, more])
-        if len(columns) < BLOCKS * columns.shape[1]:
-            return None
         values, *_ = np.linalg.lstsq(columns, force, rcond=None)
         left = force - columns @ values
         if values[-1] < one.values[2]:  # at the lowest speeds few samples bound it
             found.append((float(np.var(left)), float(v_s), values, columns, left))
     if not found:
-        return None
-    _, v_s, values, columns, left = min(found, key=lambda each: each[0])
+        return None, ripple
+    variance, v_s, values, columns, left = min(found, key=lambda each: each[0])
     blocks = np.array_split(columns * left[:, None], BLOCKS)
     sums = np.stack([block.sum(axis=0) for block in blocks])
     inverse = np.linalg.pinv(columns.T @ columns)
     deviation = np.sqrt((inverse @ (sums.T @ sums) @ inverse.T)[-1, -1])
     inside = STRIBECK[0] < v_s < STRIBECK[-1]  # else it is a part of the friction, or of the drag
     sure = inside and values[-1] > SURE * deviation
-    return (float(values[2]), float(values[-1]), v_s) if sure else None
+    if not sure:
+        return None, ripple
+    return (float(values[2]), float(values[-1]), v_s), float(np.sqrt(2 * variance))
 
 
 def _slidings(

@@ -20,7 +20,7 @@ from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
 from jcontour.app.flags.loops import Check
-from jcontour.app.machines.linear import FRICTION_KNOWN_TO, LinearMachine
+from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import FARTHEST, in_words
 from jcontour.app.reports import tables
@@ -112,7 +112,11 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
             "promised: give --force, or record long moves and identify again",
             stacklevel=2,
         )
-    friction = machine.largest_friction * (1 + FRICTION_KNOWN_TO) / (1 - machine.uncertainty.gain)
+    friction = (
+        machine.largest_friction
+        * (1 + np.max(machine.friction_known_to))
+        / (1 - machine.uncertainty.gain)
+    )
     stated = max(machine.control_noise, friction)
     return Bounds(stated if force is None else force, encoder)
 
