@@ -227,7 +227,8 @@ def next_start(
     if all(row.violation > FEASIBLE for row in rows):
         return min(new, key=rank).z
     price = float(np.max(prices, initial=PRICE))
-    return min(new, key=lambda row: _promise(row, price)).z
+    promise = [np.log(max(one.objective, 1e-300)) + price * max(one.violation, 0.0) for one in new]
+    return new[int(np.argmin(promise))].z
 
 
 def _behaviour(row: Evaluated) -> np.ndarray:
@@ -242,10 +243,6 @@ def _behaviour(row: Evaluated) -> np.ndarray:
 
 def _apart(behaviour: np.ndarray, seen: np.ndarray) -> bool:
     return len(seen) == 0 or bool(np.min(np.linalg.norm(seen - behaviour, axis=1)) > NEW_BEHAVIOUR)
-
-
-def _promise(row: Evaluated, price: float) -> float:
-    return np.log(max(row.objective, 1e-300)) + price * max(row.violation, 0.0)
 
 
 def _departure(row: Evaluated) -> float:

@@ -81,16 +81,14 @@ class WholePath(int):
     __str__ = __repr__
 
 
-def _samples_in(text: str) -> int:
-    return WholePath() if text == WholePath.WORD else whole_in(text)
-
-
 Samples = Annotated[
     int,
     PrimitiveConstructorSpec(
         nargs=1,
         metavar=f"INT|{WholePath.WORD}",
-        instance_from_str=lambda words: _samples_in(words[0]),
+        instance_from_str=lambda words: (
+            WholePath() if words[0] == WholePath.WORD else whole_in(words[0])
+        ),
         is_instance=lambda value: isinstance(value, int),
         str_from_instance=lambda value: [str(value)],
     ),

@@ -339,16 +339,9 @@ def _on_the_machine(
     # held integrals leave an offset: what has to end is the motion
     before, last = np.ptp(left[-2 * tenth : -tenth], axis=0), np.ptp(left[-tenth:], axis=0)
     stable = bool(np.all((last < GROWN * before + 1e-9) & (np.abs(left[-tenth:]) < KNOCK)))
-    rms, peak, tool = np.max(ratios, axis=0).tolist()
-    return replace(
-        way,
-        stable=stable,
-        rings=rings,
-        sensitivity=_sensitivity(loop, controller, axes),
-        rms=rms,
-        peak=peak,
-        tool=tool,
-    )
+    worst = dict(zip(("rms", "peak", "tool"), np.max(ratios, axis=0).tolist(), strict=True))
+    sensitivity = _sensitivity(loop, controller, axes)
+    return replace(way, stable=stable, rings=rings, sensitivity=sensitivity, **worst)
 
 
 def _followed(

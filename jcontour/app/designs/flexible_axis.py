@@ -61,11 +61,6 @@ class AxisDesign(Design[FlexibleMachine]):
         return 1
 
 
-def _velocity(machine: FlexibleMachine):
-    """Gain of a velocity loop that is as fast as that of the thesis's axis."""
-    return _number(55.67 * _heaviness(machine) / _heaviness(None))
-
-
 class AxisCascade(AxisDesign):
     """P position loop around a PI velocity loop.
 
@@ -74,7 +69,8 @@ class AxisCascade(AxisDesign):
 
     weights = (
         Weight("position", "1/s", start=30.0),
-        Weight("velocity", "A s/m", start=_velocity),
+        # as fast as that of the thesis's axis
+        Weight("velocity", "A s/m", start=lambda m: _number(55.67 * _weight(m) / _weight(None))),
         Weight("integral_time", "s", start=0.04),
     )
 
@@ -111,7 +107,7 @@ class AxisFeedforward(AxisCascade):
     weights = (
         *AxisCascade.weights,
         Weight("feedforward", start=1.0),
-        Weight("inertia", "A s^2/m", start=lambda machine: _number(_heaviness(machine))),
+        Weight("inertia", "A s^2/m", start=lambda machine: _number(_weight(machine))),
         Weight("viscous", "A s/m", start=_viscous),
         DRY_FRICTION,
     )
@@ -198,7 +194,7 @@ class AxisDisturbanceObserver(AxisCascade):
     )
 
     def build(self, weights: Gains) -> Controller:
-        b0, sensors = _number(1 / _heaviness(self.machine)), motors(len(self.machine.axes))
+        b0, sensors = _number(1 / _weight(self.machine)), motors(len(self.machine.axes))
         dt, loops = self.machine.model.dt, super().build(weights)
         return DisturbanceObserver(loops, sensors, weights["bandwidth"], b0, dt)
 
@@ -252,7 +248,7 @@ class AxisTimeDelay(AxisDesign):
     weights = (
         Weight("stiffness", "1/s^2", start=900.0),
         Weight("damping", "1/s", start=60.0),
-        Weight("input_gain", "m/(A s^2)", start=lambda axis: _number(2 / _heaviness(axis))),
+        Weight("input_gain", "m/(A s^2)", start=lambda axis: _number(2 / _weight(axis))),
     )
 
     def build(self, weights: Gains) -> Controller:
@@ -393,7 +389,7 @@ def current_limit(machine: FlexibleMachine) -> Any:
     return np.inf if machine.limits.control is None else machine.limits.control
 
 
-def _heaviness(machine: FlexibleMachine | None):
+def _weight(machine: FlexibleMachine | None):
     """Moving mass over force constant of every axis, of the thesis's when none is given."""
     p = thesis_axis() if machine is None else machine.parameters
     return (p.motor_mass + p.tool_mass) / p.force_constant

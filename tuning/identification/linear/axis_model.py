@@ -125,7 +125,8 @@ def two_masses(model: AxisModel, force: float) -> TwoMasses | None:
         model: from the command to the position of the motor.
         force: of one unit of the command [N or N m].
     """
-    poles, zeros = (_ringing(one, model.dt) for one in (model.poles, np.roots(model.numerator)))
+    both = model.poles, np.roots(model.numerator)
+    poles, zeros = (np.abs(_rates(one, model.dt)) for one in both)
     w_a = zeros.min(initial=np.inf)
     above = poles[poles > w_a]
     if not above.size:
@@ -138,11 +139,6 @@ def two_masses(model: AxisModel, force: float) -> TwoMasses | None:
         return None
     load = float(total * (1 - (w_a / w_r) ** 2))
     return TwoMasses(float(total) - load, load, float(w_a**2 * load))
-
-
-def _ringing(roots: np.ndarray, dt: float) -> np.ndarray:
-    """Natural frequencies [rad/s] of pairs of discrete poles or zeros that ring."""
-    return np.abs(_rates(roots, dt))
 
 
 def _rates(roots: np.ndarray, dt: float) -> np.ndarray:

@@ -108,9 +108,10 @@ def notes(axis: IdentifiedAxis) -> list[str]:
             "the speed that it was not fitted to; of a quiet drive more than 99 %"
         )
     if axis.unseen:
-        shown = _up_to(axis.response.band[1])
+        last = axis.response.band[1]
+        shown = f"up to {last:.3g} Hz" if np.isfinite(last) else "nowhere"
         words = f"the response is known to 10 % {shown}; the record does not show whether the "
-        words += f"axis rings {'above that' if axis.response.band[1] > 0 else 'at all'}. There"
+        words += f"axis rings {'above that' if last > 0 else 'at all'}. There"
         notes.append(
             f"{name}: {words} a resonance may be hidden that answers {validation.HIDDEN:g} times "
             "as much: tune recommends no loop whose complementary sensitivity exceeds "
@@ -182,10 +183,6 @@ def _advice(axis: IdentifiedAxis) -> str:
         f"{words}. If this record is of those sines, they hardly arrive, as behind a slow position "
         "loop: raise the gain of that loop, give larger sines, or command the drive directly"
     )
-
-
-def _up_to(hertz: float) -> str:
-    return f"up to {hertz:.3g} Hz" if np.isfinite(hertz) else "nowhere"
 
 
 AT_REST = 0.02  # of the squared speed

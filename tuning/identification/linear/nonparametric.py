@@ -13,7 +13,6 @@ section 4.3). The excitation is periodic under feedback too, so that no noise co
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -62,6 +61,7 @@ DIFFER = 3.0  # deviations of a mean square
 FAINT, CLEAR = 2.0, 0.7
 
 
+Sections = list[tuple[int, int]]  # first sample and number of periods of each
 NO_LINES = Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
 
 
@@ -141,15 +141,6 @@ def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:
     return places.ravel()
 
 
-class Level(NamedTuple):
-    """What the sections of one level show at every line of their period."""
-
-    value: Complex[np.ndarray, " L"]  # G
-    variance: Float[np.ndarray, " L"]
-    power: Float[np.ndarray, " L"]  # of the command
-    floor: Float[np.ndarray, " L"]  # of it that noise may be
-
-
 def periodic_lines(record: AxisRecord) -> Response:
     """Lines at which periods of the record show the response; none of a record without periods.
 
@@ -189,7 +180,7 @@ def periodic_lines(record: AxisRecord) -> Response:
     return Response(hertz[sure], value[best][sure], half[sure])
 
 
-def _periodic(record: AxisRecord) -> tuple[int, list[tuple[int, int]]]:
+def _periodic(record: AxisRecord) -> tuple[int, Sections]:
     """Samples of a period, and the sections that repeat it; none where the command does not."""
     shapes = list(_shapes(record))
     rows = _period(shapes, record.dt)
@@ -202,7 +193,7 @@ def _periodic(record: AxisRecord) -> tuple[int, list[tuple[int, int]]]:
     return max(near, key=lambda one: _repeated(record, one, sections)), sections
 
 
-def _repeated(record: AxisRecord, rows: int, sections: list[tuple[int, int]]) -> float:
+def _repeated(record: AxisRecord, rows: int, sections: Sections) -> float:
     """How much of the lines is the same in each period, as a mean of logarithms."""
     total = 0.0
     for signal in (record.command, record.position):
@@ -222,9 +213,7 @@ def _spectra(
     return np.fft.rfft(np.diff(signal[start : start + count * rows + 1]).reshape(count, rows))
 
 
-def _by_level(
-    record: AxisRecord, rows: int, sections: list[tuple[int, int]]
-) -> list[list[tuple[int, int]]]:
+def _by_level(record: AxisRecord, rows: int, sections: Sections) -> list[Sections]:
     """Sections with about as much motion; all together where one has no other beside it."""
     smooth = np.diff(uniform_filter1d(record.position, max(round(SMOOTH / record.dt), 1)))
     size = [np.std(smooth[start : start + rows]) for start, _ in sections]
@@ -234,8 +223,8 @@ def _by_level(
     return groups if min(map(len, groups)) > 1 else [sections]
 
 
-def _level(record: AxisRecord, rows: int, sections: list[tuple[int, int]]) -> Level:
-    """Of sections of one level."""
+def _level(record: AxisRecord, rows: int, sections: Sections) -> list[np.ndarray]:
+    """G of every line, its variance, the power of the command and how much of it noise may be."""
     values, weights, noise, own = [], [], [], []
     for start, count in sections:
         U, Y = (_spectra(one, rows, start, count) for one in (record.command, record.position))
@@ -254,7 +243,7 @@ def _level(record: AxisRecord, rows: int, sections: list[tuple[int, int]]) -> Le
     if len(sections) > 1:
         spread = (w**2 * np.abs(G - value) ** 2).sum(axis=0)
         variance = np.maximum(variance, spread * len(sections) / (len(sections) - 1))
-    return Level(value, variance, np.sum(weights, axis=0), SEEN * np.sum(own, axis=0))
+    return [value, variance, np.sum(weights, axis=0), SEEN * np.sum(own, axis=0)]
 
 
 def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:

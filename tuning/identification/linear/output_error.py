@@ -140,7 +140,9 @@ def _evaluated(
     above = np.concatenate([[0.0], model.numerator])
     drag = np.zeros(len(record.drags)) if drag is None else drag
     drive = _filtered(below, driven(record.command, structure))
-    drags = [_filtered(below, one) for one in _dragged(record, structure)]
+    # drags are behind the integrators: they do not wait for the command's delay
+    dragged = [driven(one, replace(structure, delay=0)) for one in record.drags]
+    drags = [_filtered(below, one) for one in dragged]
     drive = drive + sum(f * one for f, one in zip(drag, drags, strict=True))
     answer = whitened(drive, above)
     begin = structure.zeros + model.delay  # what commands before the record still bring is over
@@ -207,11 +209,6 @@ def driven(command: Float[np.ndarray, " T"], structure: Structure) -> Float[np.n
     for _ in range(structure.integrators):
         signal = np.cumsum(signal)
     return signal
-
-
-def _dragged(record: AxisRecord, structure: Structure) -> list[np.ndarray]:
-    """The drags behind the integrators: they do not wait for the command's delay."""
-    return [driven(one, replace(structure, delay=0)) for one in record.drags]
 
 
 def shifted(signal: Float[np.ndarray, " T"], samples: int) -> Float[np.ndarray, " T"]:

@@ -112,11 +112,8 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
             "promised: give --force, or record long moves and identify again",
             stacklevel=2,
         )
-    friction = (
-        machine.largest_friction
-        * (1 + np.max(machine.friction_known_to))
-        / (1 - machine.uncertainty.gain)
-    )
+    most = 1 + float(np.max(machine.friction_known_to))
+    friction = machine.largest_friction * most / (1 - machine.uncertainty.gain)
     stated = max(machine.control_noise, friction)
     return Bounds(stated if force is None else force, encoder)
 

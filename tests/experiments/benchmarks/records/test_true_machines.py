@@ -71,15 +71,17 @@ def test_what_fails_is_named():
         assert word in bad.fails
 
 
-@pytest.mark.parametrize("more", [0.0, 0.4])
-def test_friction_that_is_larger_at_rest_is_found_where_it_is(axis, more):
+@pytest.mark.parametrize(("more", "cogging"), [(0.0, 0.0), (0.4, 4.0)])
+def test_friction_that_is_larger_at_rest_is_found_where_it_is(axis, more, cogging):
     """Beside dry friction of 60 N, 24 N that fall as exp(-(v / 6 mm/s)^2): half at 5 mm/s."""
     static = tuple((1 + more) * one for one in axis.coulomb)
     one = replace(axis, gap=0.0, count=1e-7, coulomb=axis.coulomb, static=static, stribeck=6e-3)
+    one = replace(one, cogging=cogging)
     log = recorded([one, one], DT, 3)
     record = AxisRecord(DT, log.command[:, 0], log.position[:, 0])
     found = simplest(record, resolution_of(record.position), 4)
     assert found is not None and found.fit.drag[0] == pytest.approx(60 / 35, rel=0.01)
+    assert found.ripple == pytest.approx(cogging / 35, rel=0.1, abs=0.01 * 60 / 35)
     if not more:
         assert found.stribeck is None
         return
