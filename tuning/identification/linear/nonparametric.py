@@ -163,20 +163,18 @@ def periodic_lines(record: AxisRecord) -> Response:
     size = np.maximum(np.median(np.abs(value), axis=0), 1e-300)
     relative, faint = variance[:, kept] / size**2, (FAINT * np.abs(value) / size) ** 2
     seen = (shown[:, kept] > 0) & (relative < faint)
-    count, total = (
-        uniform_filter1d(part, 2 * BESIDE + 1, axis=1, mode="nearest")
-        for part in (seen.astype(float), np.where(seen, relative, 0.0))
-    )
-    # a running sum rounds below zero
-    averaged = np.maximum(total, 0.0) / np.maximum(count, 0.5)
-    mean = np.where(seen & (count > 0.5), averaged, np.maximum(relative, faint))
+    beside = {"size": 2 * BESIDE + 1, "axis": 1, "mode": "nearest"}
+    # by chance one of many that are not looks clear; a running sum rounds below zero
+    clear = uniform_filter1d(seen.astype(float), **beside) > 0.99
+    averaged = np.maximum(uniform_filter1d(np.where(seen, relative, 0.0), **beside), 0.0)
+    mean = np.where(clear, averaged, np.maximum(relative, faint))
     best = np.argmin(mean, axis=0), np.arange(len(kept))
     half = FACTOR * np.sqrt(mean[best]) * size / np.abs(value[best])
-    clear = np.flatnonzero(half < CLEAR)
-    if not clear.size:
+    ends = np.flatnonzero(half < CLEAR)
+    if not ends.size:
         return NO_LINES
     sure = half < FAINT
-    sure[: clear[0]] = sure[clear[-1] + 1 :] = False  # faint ones show where clear ones are around
+    sure[: ends[0]] = sure[ends[-1] + 1 :] = False  # faint ones show where clear ones are around
     return Response(hertz[sure], value[best][sure], half[sure])
 
 
