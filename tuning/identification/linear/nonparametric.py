@@ -199,22 +199,23 @@ def _repeated(record: AxisRecord, rows: int, sections: Sections) -> float:
             each = _spectra(signal, rows, start, count)[:, 1:]
             power = np.sum(np.abs(each) ** 2, axis=0)
             apart = np.sum(np.abs(each - each.mean(axis=0)) ** 2, axis=0)
-            least = LEAST * power.max()
+            least = LEAST * power.max() + 1e-300
             total += float(np.mean(np.log((power + least) / (apart + least))))
     return total
 
 
 def _spectra(
     signal: Float[np.ndarray, " T"], rows: int, start: int, count: int
-) -> Complex[np.ndarray, "{count} L"]:
+) -> Complex[np.ndarray, "P L"]:
     """Of the differences over each period."""
+    count = min(count, (len(signal) - start - 1) // rows)
     return np.fft.rfft(np.diff(signal[start : start + count * rows + 1]).reshape(count, rows))
 
 
 def _by_level(record: AxisRecord, rows: int, sections: Sections) -> list[Sections]:
     """Sections with about as much motion; all together where one has no other beside it."""
     smooth = np.diff(uniform_filter1d(record.position, max(round(SMOOTH / record.dt), 1)))
-    size = [np.std(smooth[start : start + rows]) for start, _ in sections]
+    size = [np.std(smooth[start : start + rows]) + 1e-300 for start, _ in sections]
     order = np.argsort(size)
     apart = np.flatnonzero(np.diff(np.log(np.array(size)[order])) > np.log(LOUDER)) + 1
     groups = [[sections[k] for k in part] for part in np.split(order, apart)]
@@ -226,6 +227,7 @@ def _level(record: AxisRecord, rows: int, sections: Sections) -> list[np.ndarray
     values, weights, noise, own = [], [], [], []
     for start, count in sections:
         U, Y = (_spectra(one, rows, start, count) for one in (record.command, record.position))
+        count = len(U)  # those of the record
         U_mean = U.mean(axis=0)
         U_mean = np.where(np.abs(U_mean) > LEAST * np.abs(U_mean).max(), U_mean, np.inf)
         G = Y.mean(axis=0) / U_mean
