@@ -100,7 +100,7 @@ def front_points(
         if best is None:
             raise ValueError(
                 "every start diverges: begin with a stabilising controller "
-                "(see frozen_spectral_radii)"
+                "(see frozen_spectral_radius)"
             )
         weights = Chart(problem.space, start).weights(jnp.asarray(best.z))
         (violation,) = _violations(problem, [best])

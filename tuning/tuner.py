@@ -323,7 +323,7 @@ def _ended(state: TuneState) -> TuneState:
 def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
     if not np.isfinite(state.least_radius):
         return (
-            "every start diverges: begin with a stabilising controller (see frozen_spectral_radii)"
+            "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
         )
     weights = Chart(problem.space, start).weights(jnp.asarray(state.least_z))
     numbers = jax.tree.map(lambda w: np.array2string(np.asarray(w), precision=4), weights)

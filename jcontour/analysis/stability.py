@@ -16,7 +16,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import ArrayLike, Float, Int
 
 from jcontour.analysis.frozen_loops import (
     CutLoops,
@@ -29,8 +29,9 @@ from jcontour.analysis.frozen_loops import (
     times,
 )
 from jcontour.controller import Controller, Plan
+from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
-from jcontour.motion.references import Reference
+from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_kinds, check_run, follow, prepared
 
@@ -55,6 +56,31 @@ class Margins(NamedTuple):
     # has zero gain, so that the loop is open. The other margins ignore these samples. If every
     # sample is open, there are no margins: they describe the open loops.
     saturated: int
+
+
+def frozen_spectral_radius(plant: Plant, controller: Controller, direction: ArrayLike) -> float:
+    """Spectral radius of the loop along a straight line: Theorem 1's check.
+
+    Args:
+        plant: the machine, behind `Encoders` for a controller that is fed positions.
+        controller: its gains on the line must not depend on the speed.
+        direction: (m,) of any length.
+
+    Raises:
+        ValueError: the direction is zero or not finite.
+        TypeError: the arguments are swapped, or of another kind.
+    """
+    check_kinds("frozen_spectral_radius", plant=plant, controller=controller)
+    along_path = np.asarray(direction, float)
+    length = np.linalg.norm(along_path)
+    if not (np.isfinite(length) and length > 0):
+        raise ValueError(
+            f"direction: needs a finite vector of non-zero length, received {direction}"
+        )
+    # 1e-3 m, or any other length: the reference goes on straight
+    contour = line(np.zeros(along_path.size), 1e-3 * along_path / length)
+    reference = along(contour, [0.0, 1e-3], plant.dt, controller.preview, at_rest=False)
+    return float(frozen_spectral_radii(plant, controller, reference)[0])
 
 
 def frozen_spectral_radii(

@@ -127,13 +127,8 @@ def _normal_equations(
 ) -> tuple[Float[np.ndarray, "6 n"], Float[np.ndarray, "n m"]]:
     """Upper diagonals of N' W N, the main one last, and N' W (points - N coefficients).
 
-    Args:
-        windows: five knots before the end of every interval, and five behind its begin.
-        column: number of the first B-spline that is not zero in it.
-        arc: parameter of the points.
-        points: what is fitted.
-        weight: of every point.
-        coefficients: what is known already, zero elsewhere.
+    Windows are five knots before the end of every interval and five behind its begin, columns the
+    numbers of the first B-splines that are not zero in them, coefficients what is known already.
     """
     begins = np.searchsorted(arc, windows[:, DEGREE - 1])
     some = np.diff(begins, append=arc.size) > 0

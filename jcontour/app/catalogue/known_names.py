@@ -120,9 +120,6 @@ def _check_lines(path: Path, flags: Any) -> None:
     """Carry out the first lines of a toolpath file on three axes, with the feed and tools of flags.
 
     It refuses nothing that is right later. The whole file is checked when it is read.
-
-    Raises:
-        ToolpathError: a line that cannot be read or traced.
     """
     from jcontour.geometry.gcode.modes import read_tool_table
     from jcontour.geometry.gcode.programs import files_beside, interpreted

@@ -209,11 +209,7 @@ def _named(own: OwnName) -> Any:
 
 @cache
 def _module(path: Path, source: bytes) -> ModuleType:
-    """Module of a file, run once for all that is asked of it.
-
-    Raises:
-        UntrustedCodeError: the user has not chosen to run it.
-    """
+    """Module of a file, run once for all that is asked of it, if the user has chosen to run it."""
     # A run folder may come from somebody else, with code in it, and its settings may name any file:
     # a file runs if a command of the user has named it, now or before. Hashes of these lie outside
     # every run folder.

@@ -57,11 +57,7 @@ def command(flags: Report) -> int:
 
 
 def _gains(run: Path, drive: Drive) -> list[str]:
-    """Gains of the nearest simple loop of a run, a line each.
-
-    Raises:
-        RunError: there is none.
-    """
+    """Gains of the nearest simple loop of a run, a line each."""
     result = stored_result(run)
     if not isinstance(result, TunedResult) or result.drive is None:
         raise run_folder.RunError(f"{run}: --drive needs a run of tune that tried a simple loop")

@@ -15,6 +15,7 @@ from jcontour.analysis.stability import (
     GAIN_SEARCH,
     delay_margins,
     frozen_spectral_radii,
+    frozen_spectral_radius,
     late_measures,
     margins,
 )
@@ -123,11 +124,15 @@ def test_frozen_radii_are_eigenvalues_of_a_minus_bf(two_axes, law, bent):
 
 
 def test_frozen_radius_of_a_direction(two_axes, law):
-    for unit in ([1.0, 0.0], [-0.6, 0.8]):
-        along_it = along(line([0, 0], 1e-2 * np.array(unit)), [0.0, 1e-4], 1e-3, 3, at_rest=False)
-        assert frozen_spectral_radii(two_axes, law, along_it)[0] == pytest.approx(
+    for direction in ([1.0, 0.0], [-3.0, 4.0]):
+        unit = np.array(direction) / np.linalg.norm(direction)
+        along_it = along(line([0, 0], 1e-2 * unit), [0.0, 1e-4], 1e-3, 3, at_rest=False)
+        assert frozen_spectral_radius(two_axes, law, np.array(direction)) == pytest.approx(
             loops(two_axes, prepared(law, along_it))[0], rel=1e-9
         )
+    for bad in ([0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]):
+        with pytest.raises(ValueError, match="direction"):
+            frozen_spectral_radius(two_axes, law, np.array(bad))
 
 
 @pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])

@@ -59,11 +59,7 @@ def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) ->
 
 
 def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> IdentifiedAxis:
-    """One axis: the simplest model that explains its lines.
-
-    Raises:
-        ValueError: nothing that fits is of use.
-    """
+    """One axis: the simplest model that explains its lines."""
     name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
     resolution = validation.resolution_of(one.position)
     if not diagnosis.follows(one.command, one.position) and rigid_axis.is_reversed(one, resolution):

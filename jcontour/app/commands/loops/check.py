@@ -345,14 +345,7 @@ def verdict_on(
 def _answer(
     rows: list[GapRow], verdict: Verdict, flags: Check, tuned: Mapping[str, Any]
 ) -> list[Entry]:
-    """Cost of the limits, the one that is used most, and the next command.
-
-    Args:
-        rows: of the table.
-        verdict: on them.
-        flags: of the check.
-        tuned: those of the tuned run.
-    """
+    """Cost of the limits, the one that is used most, and the next command."""
     lost = [row for row in rows if row.failure]
     used = max(verdict.limits, key=lambda one: one.value / one.allowed, default=None)
     most = [] if used is None else [Entry("Limit", f"most used: {used.name} {used.size}")]

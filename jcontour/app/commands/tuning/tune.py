@@ -130,9 +130,6 @@ def _candidates(
     """The search of the controller, that of a simple loop where it is as good; the simple loops.
 
     The search comes first: from its first point on the folder holds something to go on with.
-
-    Raises:
-        RuntimeError: no point could be evaluated without a diverging plant.
     """
     if is_chosen(run.flags):
         return [_descended(run, folder, console)], []

@@ -75,8 +75,7 @@ def test_what_fails_is_named():
 def test_friction_that_is_larger_at_rest_is_found_where_it_is(axis, more, cogging):
     """Beside dry friction of 60 N, 24 N that fall as exp(-(v / 6 mm/s)^2): half at 5 mm/s."""
     static = tuple((1 + more) * one for one in axis.coulomb)
-    one = replace(axis, gap=0.0, count=1e-7, coulomb=axis.coulomb, static=static, stribeck=6e-3)
-    one = replace(one, cogging=cogging)
+    one = replace(axis, gap=0.0, count=1e-7, static=static, stribeck=6e-3, cogging=cogging)
     log = recorded([one, one], DT, 3)
     record = AxisRecord(DT, log.command[:, 0], log.position[:, 0])
     found = simplest(record, resolution_of(record.position), 4)
