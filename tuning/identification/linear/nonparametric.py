@@ -183,7 +183,7 @@ def _periodic(record: AxisRecord) -> tuple[int, Sections]:
     shapes = list(_shapes(record))
     rows = _period(shapes, record.dt)
     parts = [list(_sections(shape, rows)) if rows else [] for shape in shapes]
-    sections = max(parts, key=lambda part: sum(count for _, count in part))
+    sections = max(parts, key=lambda part: _repeated(record, rows, part))
     pairs = [np.split(shapes[0][start : start + 2 * rows], 2) for start, _ in sections]
     if not any(one @ two > ASKED * (one @ one) for one, two in pairs):
         return 0, []
@@ -192,7 +192,7 @@ def _periodic(record: AxisRecord) -> tuple[int, Sections]:
 
 
 def _repeated(record: AxisRecord, rows: int, sections: Sections) -> float:
-    """How much of the lines is the same in each period, as a mean of logarithms."""
+    """Logarithm of a line's power over what differs from period to period, summed over periods."""
     total = 0.0
     for signal in (record.command, record.position):
         for start, count in sections:
@@ -200,7 +200,8 @@ def _repeated(record: AxisRecord, rows: int, sections: Sections) -> float:
             power = np.sum(np.abs(each) ** 2, axis=0)
             apart = np.sum(np.abs(each - each.mean(axis=0)) ** 2, axis=0)
             least = LEAST * power.max() + 1e-300
-            total += float(np.mean(np.log((power + least) / (apart + least))))
+            ratio = (power + least) / (apart + least) * (1 - 1 / len(each))  # 1 of noise
+            total += len(each) * float(np.mean(np.log(ratio)))
     return total
 
 
@@ -213,11 +214,15 @@ def _spectra(
 
 
 def _by_level(record: AxisRecord, rows: int, sections: Sections) -> list[Sections]:
-    """Sections with about as much motion; all together where one has no other beside it."""
-    smooth = np.diff(uniform_filter1d(record.position, max(round(SMOOTH / record.dt), 1)))
-    size = [np.std(smooth[start : start + rows]) + 1e-300 for start, _ in sections]
-    order = np.argsort(size)
-    apart = np.flatnonzero(np.diff(np.log(np.array(size)[order])) > np.log(LOUDER)) + 1
+    """Sections of about one level; all together where one has no other beside it."""
+    smooth, sizes = uniform_filter1d(record.command, max(round(SMOOTH / record.dt), 1)), []
+    for start, count in sections:
+        U = _spectra(smooth, rows, start, count)[:, 1:]
+        mean, own = U.mean(axis=0), np.sum(np.abs(U - U.mean(axis=0)) ** 2)
+        power = np.sum(np.abs(mean) ** 2) - own / (len(U) * (len(U) - 1))  # without its noise
+        sizes.append(np.log(max(power, 1e-300)) / 2)
+    order = np.argsort(sizes)
+    apart = np.flatnonzero(np.diff(np.array(sizes)[order]) > np.log(LOUDER)) + 1
     groups = [[sections[k] for k in part] for part in np.split(order, apart)]
     return groups if min(map(len, groups)) > 1 else [sections]
 
