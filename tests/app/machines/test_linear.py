@@ -20,9 +20,10 @@ from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.simulation.evaluation import member
 
 
-def test_the_force_that_is_proven_for_is_no_less_than_the_friction_of_any_member():
+@pytest.mark.parametrize("known", [0.1, 0.4])
+def test_the_force_that_is_proven_for_is_no_less_than_the_friction_of_any_member(known):
     """Way lost to friction in 20 ms from 40 mm/s, over that lost to the force at the control."""
-    rough = slides(0, friction=0.2)
+    rough = replace(slides(0, friction=0.2), friction_known_to=known)
     force = bounds_of(rough, None, None).force
 
     def way(machine, gain, control):
