@@ -115,6 +115,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         own = validation.response_of(fit, estimate)
         excited_to = validation.excited_to(own, one.position, fit.residual)
         response = validation.as_excited(own, min(agreed, excited_to))
+    ripple = simple.ripple / sure[0] if simple and sure else 0.0
     return IdentifiedAxis(
         name=name,
         fit=fit,
@@ -124,7 +125,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         held_out=found.output,
         explained=found.explained,
         friction=sure,
-        friction_known_to=min(DAILY + (simple.ripple / sure[0] if simple and sure else 0.0), MOST),
+        friction_known_to=min(float(np.hypot(DAILY, ripple)), MOST),
         stribeck=simple.stribeck if simple and sure else None,
         offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
         saturated=validation.saturated(one.command),

@@ -252,10 +252,7 @@ def _level(record: AxisRecord, rows: int, sections: Sections) -> list[np.ndarray
 
 
 def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:
-    """Samples after which signals are most alike themselves, by the sum of r^2; 0 if hardly.
-
-    Several periods later they are about as alike: the shortest whole part counts at which they are.
-    """
+    """Samples after which signals are most alike themselves, by the sum of r^2; 0 if hardly."""
     least, most = round(SHORTEST / dt), min(map(len, shapes)) // (FEWEST + 1)
     if most <= least:
         return 0
@@ -266,6 +263,7 @@ def _period(shapes: list[Float[np.ndarray, " _"]], dt: float) -> int:
         r = overlap / (np.arange(count - least, count - most, -1) * np.mean(shape**2) + 1e-300)
         alike += np.maximum(r, 0.0) ** 2
     found = int(np.argmax(alike))
+    # several periods later they are about as alike: the shortest whole part counts
     for part in range(PARTS, 1, -1):
         near = round((least + found) / part) - least + np.arange(-2, 3)
         near = near[near >= 0]
