@@ -70,7 +70,7 @@ class AxisCascade(AxisDesign):
     weights = (
         Weight("position", "1/s", start=30.0),
         # as fast as that of the thesis's axis
-        Weight("velocity", "A s/m", start=lambda m: _number(55.67 * _weight(m) / _weight(None))),
+        Weight("velocity", "A s/m", start=lambda m: _number(55.67 * _inertia(m) / _inertia(None))),
         Weight("integral_time", "s", start=0.04),
     )
 
@@ -107,7 +107,7 @@ class AxisFeedforward(AxisCascade):
     weights = (
         *AxisCascade.weights,
         Weight("feedforward", start=1.0),
-        Weight("inertia", "A s^2/m", start=lambda machine: _number(_weight(machine))),
+        Weight("inertia", "A s^2/m", start=lambda machine: _number(_inertia(machine))),
         Weight("viscous", "A s/m", start=_viscous),
         DRY_FRICTION,
     )
@@ -194,7 +194,7 @@ class AxisDisturbanceObserver(AxisCascade):
     )
 
     def build(self, weights: Gains) -> Controller:
-        b0, sensors = _number(1 / _weight(self.machine)), motors(len(self.machine.axes))
+        b0, sensors = _number(1 / _inertia(self.machine)), motors(len(self.machine.axes))
         dt, loops = self.machine.model.dt, super().build(weights)
         return DisturbanceObserver(loops, sensors, weights["bandwidth"], b0, dt)
 
@@ -248,7 +248,7 @@ class AxisTimeDelay(AxisDesign):
     weights = (
         Weight("stiffness", "1/s^2", start=900.0),
         Weight("damping", "1/s", start=60.0),
-        Weight("input_gain", "m/(A s^2)", start=lambda axis: _number(2 / _weight(axis))),
+        Weight("input_gain", "m/(A s^2)", start=lambda axis: _number(2 / _inertia(axis))),
     )
 
     def build(self, weights: Gains) -> Controller:
@@ -389,7 +389,7 @@ def current_limit(machine: FlexibleMachine) -> Any:
     return np.inf if machine.limits.control is None else machine.limits.control
 
 
-def _weight(machine: FlexibleMachine | None):
+def _inertia(machine: FlexibleMachine | None):
     """Moving mass over force constant of every axis, of the thesis's when none is given."""
     p = thesis_axis() if machine is None else machine.parameters
     return (p.motor_mass + p.tool_mass) / p.force_constant

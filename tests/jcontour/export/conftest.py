@@ -125,7 +125,7 @@ class InC:
         library = folder / "law.so"
         words = [compiler or COMPILERS[0], *STRICT, "-shared", "-fPIC", "-o", str(library)]
         subprocess.run([*words, str(folder / "law.c")], check=True)
-        self.sizes, self.library = code.sizes, ctypes.CDLL(str(library))
+        self.sizes, self.compiled = code.sizes, ctypes.CDLL(str(library))
         self.real = ctypes.c_double if code.precision == "double" else ctypes.c_float
         fields = [(name, self._array(self.real, size)) for name, size, _ in code.memory]
         fields += [(name, self._array(ctypes.c_long, size)) for name, size, _ in code.counters]
@@ -139,17 +139,17 @@ class InC:
         return getattr(self.memory, name)
 
     def restart(self):
-        self.library.law_init(ctypes.byref(self.memory))
+        self.compiled.law_init(ctypes.byref(self.memory))
 
     def start(self, place, increment):
         rows = [np.ascontiguousarray(one, self.real) for one in (place, increment)]
-        self.library.law_start(ctypes.byref(self.memory), *(self._pointer(one) for one in rows))
+        self.compiled.law_start(ctypes.byref(self.memory), *(self._pointer(one) for one in rows))
 
     def step(self, points, measured, tangents=None, tick=None, enable=True, hold=False):
         tangents = np.zeros_like(points) if tangents is None else tangents
         tick = self.memory.called + 1 if tick is None else tick
         rows = [np.ascontiguousarray(one, self.real) for one in (points, tangents, measured)]
-        self.library.law_step(
+        self.compiled.law_step(
             ctypes.byref(self.memory),
             *(self._pointer(one) for one in rows),
             ctypes.c_long(tick),
