@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
-from jcontour.app.machines.uncertainty import moved, places_around
+from jcontour.app.machines.uncertainty import FRICTION_KNOWN_TO, moved, places_around
 from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel, other_amplitudes, two_masses
 from tuning.identification.linear.identified_axes import IdentifiedAxis, IdentifiedMachine
@@ -15,6 +15,7 @@ from tuning.identification.linear.identified_axes import IdentifiedAxis, Identif
 ROUGH = 4  # windows over which the largest acceleration is taken
 MOST_LINES = 200  # of what was measured of an axis
 THINNED = 4  # frequencies of the intervals for one of the file, but around sharp modes
+HARDLY = 0.9  # to which friction is known at the worst
 UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
 ALIKE = 1.01  # ratio of counts that a log does not tell apart
 RINGS = 0.3  # damping below which a pair of poles is a resonance: it answers 1.75 times
@@ -53,6 +54,7 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         for one in identified.axes
     ]
     loose = [_lines(w / (2 * np.pi), off, 0.0 * w) for w, off in apart]
+    ripple = [one.ripple for one in identified.axes]
     fields = {
         "name": name,
         "length_unit": "m",
@@ -74,7 +76,7 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
         "friction": _friction(identified),
-        "friction_known_to": [one.friction_known_to for one in identified.axes],
+        "friction_known_to": np.minimum(np.hypot(FRICTION_KNOWN_TO, ripple), HARDLY).tolist(),
         **_stribeck(identified),
     }
     # What moves a drive that takes a position beside its command, where that is much

@@ -19,6 +19,7 @@ from jcontour.app.machines.families import GainsAndDelayMachine
 from jcontour.app.machines.machine import Fed, Hosted, MachineLimits, Usual
 from jcontour.app.machines.uncertainty import (
     FARTHEST,
+    FRICTION_KNOWN_TO,
     Uncertainty,
     in_words,
     rounding_noise,
@@ -68,8 +69,7 @@ class LinearMachine(GainsAndDelayMachine):
     # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
     # loops; None where it is not known, and nowhere
     friction: float | np.ndarray | None = 0.0
-    # part of it that changes with place, load and temperature, of all axes or of each (m,)
-    friction_known_to: float | np.ndarray = 0.1
+    friction_known_to: float | np.ndarray = FRICTION_KNOWN_TO  # relative, of all or of each (m,)
     # what it is more at rest, and the speed at which half of that is left [m/s], likewise
     stribeck: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 1.0)
     # gap between the motor, which is measured, and the tool [m], of all axes or of each (m,): in

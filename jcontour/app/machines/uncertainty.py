@@ -16,6 +16,7 @@ from jcontour._arrays import placed
 if TYPE_CHECKING:  # the analysis of loops takes a while to import
     from jcontour.analysis.uncertain_loops import ResponseUncertainty
 
+FRICTION_KNOWN_TO = 0.1  # it changes with load and temperature, and from day to day
 GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
     "speed": 0.1,
     "position": 0.0,

@@ -35,7 +35,7 @@ class IdentifiedAxis:
     explained: float  # part of the variance of the speed there that it explains
     # command that Coulomb friction takes, and its standard deviation; None if not seen
     friction: tuple[float, float] | None
-    friction_known_to: float  # part of it, from day to day and along the axis
+    ripple: float  # part of it by which a slow force changes along the axis; 0 without friction
     stribeck: tuple[float, float] | None  # what is more at rest, speed [m/s] where half is left
     # constant command that acts beside the given one while the axis moves; told where friction
     # holds the axis at times, else 0

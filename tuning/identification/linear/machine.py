@@ -27,7 +27,6 @@ HALF = 0.5  # of the speed, explained by a model of columns that belong together
 MOSTLY, BLURRED = 0.9, 0.7
 LATEST = 5e-3  # [s] of a delay that is looked for in any case
 SLOWER = np.geomspace(0.03, 0.5, 8)  # of the lowest line: there a mass with friction is the model
-DAILY, MOST = 0.1, 0.9  # of friction that changes with load and temperature; that may at all
 LEAST_GAIN, UNKNOWN_GAIN = 0.02, 0.99  # no drive repeats better from day to day; of any gain
 # times as much left of the motion as by the simple model, beyond which lines mislead: an axis that
 # sticks leaves a linear model some; spectra are bent by feedback
@@ -115,7 +114,6 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         own = validation.response_of(fit, estimate)
         excited_to = validation.excited_to(own, one.position, fit.residual)
         response = validation.as_excited(own, min(agreed, excited_to))
-    ripple = simple.ripple / sure[0] if simple and sure else 0.0
     return IdentifiedAxis(
         name=name,
         fit=fit,
@@ -125,7 +123,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
         held_out=found.output,
         explained=found.explained,
         friction=sure,
-        friction_known_to=min(float(np.hypot(DAILY, ripple)), MOST),
+        ripple=simple.ripple / sure[0] if simple and sure else 0.0,
         stribeck=simple.stribeck if simple and sure else None,
         offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
         saturated=validation.saturated(one.command),
