@@ -162,9 +162,9 @@ def _model(machine: Plant, count: Vector) -> dict[str, Any]:
     if not isinstance(machine, LinearPlant):
         raise ValueError(f"linuxcnc: needs a linear machine, received {type(machine).__name__}")
     m, n = machine.C.shape
-    shapes = {"ENTRY": (n, m), "SPEED": (m, n)}
-    friction = "STICKING", "STIFFNESS", "SHARPNESS", "FRICTION", "STRIBECK", "SOFTENING"
-    shapes |= dict.fromkeys(friction, (m,))
+    shapes = {"ENTRY": (n, m), "SPEED": (m, n), "TRAVEL": (m, n)}
+    held, slides = ("STICKING", "STIFFNESS", "KEPT"), ("SHARPNESS", "FRICTION", "STRIBECK")
+    shapes |= dict.fromkeys((*held, *slides, "SOFTENING"), (m,))
     model = {"A": machine.A, "B": machine.B, "C": machine.C}
     none = {name: np.zeros(shape) for name, shape in shapes.items()}
     matrices = {k: np.asarray(one, float) for k, one in (model | none | terms).items()}

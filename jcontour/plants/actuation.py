@@ -182,29 +182,34 @@ class WithDryFriction(Wrapper):
 class ElastoplasticFriction(Remembering):
     """A plant whose drives hold their place against dry friction, which sticks.
 
-        x(k+1) = A x + B u - E f,    f(k+1) = clip(f + s (y(k+1) - y(k)), -F, F)
-    with the outputs y: Prandtl's operator. Friction turns within a travel of 2 F / s, and stays
-    where the axis stands: a position loop rests up to F away from its command, F being the
-    friction over the gains of its loops, as with no friction that turns with the speed. The plant
-    starts behind the motion.
+        x(k+1) = A x + B u - E f(k+1),    f(k+1) = clip(f + s T (x(k+1) - x(k)), -F, F)
+    Prandtl's operator. Friction turns within a travel T x of 2 F / s, and stays where the axis
+    stands: a position loop rests up to F away from its command, F being the friction over the gains
+    of its loops, as with no friction that turns with the speed. The plant starts behind the motion.
 
     Args:
         plant: a machine, some of whose controls are positions.
         entry: E, how a force on each axis enters.
-        outputs: C of the outputs y = C x.
+        travel: T, the motion at the friction: C where encoder and friction are at one place.
         stiffness: s [control unit/m].
         friction: its Coulomb part is F of every control [control unit], zero of one that is none.
     """
 
     entry: Float[Array, "n m"]
-    outputs: Float[Array, "m n"]
+    travel: Float[Array, "m n"]
     stiffness: Float[Array, " m"]
     friction: Friction
 
     @property
     def force_terms(self) -> dict[str, Array]:
         limit = jnp.broadcast_to(self.friction.coulomb, self.stiffness.shape)
-        return {"ENTRY": self.entry, "STIFFNESS": self.stiffness, "STICKING": limit}
+        values = self.entry, self.travel, self.stiffness, self.kept, limit
+        return dict(zip(("ENTRY", "TRAVEL", "STIFFNESS", "KEPT", "STICKING"), values, strict=True))
+
+    @property
+    def kept(self) -> Float[Array, " m"]:
+        """What its own effect within a step leaves of a force: 1 / (1 + s T E), by axis."""
+        return 1 / (1 + self.stiffness * jnp.sum(self.travel.T * self.entry, axis=0))
 
     def initial_state(self, position, increment) -> tuple:
         """Steady motion of the plant, under the friction where it moves."""
@@ -212,22 +217,25 @@ class ElastoplasticFriction(Remembering):
         return self.plant.initial_state(position, increment), force
 
     def step(self, state, control) -> tuple:
-        """Step of the plant under the force, and the next one."""
-        before, limit = state[0], self.friction.coulomb
-        force = jnp.where(limit > 0, state[1], 0.0)  # nothing is remembered without friction
-        after = self.plant.step(before, control) - jnp.sum(self.entry * force[None], axis=1)
-        way = jnp.sum(self.outputs * (after - before)[None], axis=1)
-        stuck = jnp.clip(force + self.stiffness * way, -limit, limit)
-        return after, jnp.where(limit > 0, stuck, 0.0)
+        """Step of the plant under the force that its travel leaves."""
+        free, limit = self.plant.step(state[0], control), self.friction.coulomb
+        way = jnp.sum(self.travel * (free - state[0])[None], axis=1)
+        force = jnp.clip(self.kept * (state[1] + self.stiffness * way), -limit, limit)
+        force = jnp.where(limit > 0, force, 0.0)  # nothing is remembered without friction
+        return free - jnp.sum(self.entry * force[None], axis=1), force
 
 
-def _calm_slope(A: np.ndarray, E: np.ndarray, rows: np.ndarray, gains: np.ndarray) -> np.ndarray:
+def _calm_slope(
+    A: np.ndarray, E: np.ndarray, rows: np.ndarray, gains: np.ndarray, at_once: bool = False
+) -> np.ndarray:
     """Half of the slope s of a force f = s r x at which the loop loses stability, by axis."""
-    # the loop has the matrix A - s E r; s is looked for over the inverse gain
+    # the loop has the matrix A - s E r, or of a force at once (I + s E r)^-1 A; s is looked for
+    # over the inverse gain
     slope = np.zeros(len(rows))
     for k, (column, row) in enumerate(zip(E.T, rows, strict=True)):
         series = SLOPES / max(float(gains[k]), 1e-300)
-        loops = A - series[:, None, None] * np.outer(column, row)
+        pull = series[:, None, None] * np.outer(column, row)
+        loops = np.linalg.solve(np.eye(len(A)) + pull, A[None]) if at_once else A - pull
         lost = np.flatnonzero(spectral_radius(loops) > max(float(spectral_radius(A)), 1.0) + LOST)
         slope[k] = series[lost[0] if lost.size else -1] / 2
     return slope
@@ -258,6 +266,9 @@ def with_dry_friction(
 ) -> WithDryFriction | ElastoplasticFriction:
     """The plant with friction of every axis; it sticks where its drive takes a position.
 
+    There springs may be between it and the encoder. Of the encoder's motion and of the part of that
+    which does not oscillate, a motor's, it sticks by the one that allows it to be stiffer.
+
     Args:
         plant: without friction.
         entry: how a force on each axis enters whose drive takes a position, of one control unit: B
@@ -280,12 +291,16 @@ def with_dry_friction(
     more = np.where(integrates, stribeck[0], 0.0)
     sliding = Friction(np.where(integrates, force, 0.0), more, stribeck[1], 0.0)
     held = Friction(np.where(integrates, 0.0, force), 0.0, 1.0, 0.0)
-    settled = np.abs(np.diagonal(C @ np.linalg.pinv(np.eye(len(A)) - A) @ entry))
-    stiffness = jnp.asarray(_calm_slope(A, np.asarray(entry), C, settled))
-    holding = jnp.asarray(entry), plant.C, stiffness
+    onto, after = _unbending(plant), np.linalg.pinv(np.eye(len(A)) - A) @ entry
+    rigid = C @ onto
+    settled, motors = (np.abs(np.diagonal(rows @ after)) for rows in (C, rigid))
+    slope, other = (_calm_slope(A, np.asarray(entry), rows, settled, True) for rows in (C, rigid))
+    late = other * motors > slope * settled
+    travel, stiffness = np.where(late[:, None], rigid, C), np.where(late, other, slope)
+    holding = jnp.asarray(entry), jnp.asarray(travel), jnp.asarray(stiffness)
     if not integrates.any():
         return ElastoplasticFriction(plant, *holding, held)
-    speed = (C @ A - C) @ _unbending(plant) / plant.dt
+    speed = (C @ A - C) @ onto / plant.dt
     powers = [np.linalg.matrix_power(A, k) @ entry for k in range(RESPONSE)]
     responses = [np.zeros(plant.axes), *(np.diagonal(speed @ one) for one in powers)]
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)

@@ -370,20 +370,33 @@ def test_a_negative_force_is_refused():
         with_dry_friction(plant, np.asarray(plant.B), np.array([-1.0]))
 
 
-def test_a_position_loop_with_friction_is_the_play_of_its_command():
-    """Against the cascade k_v (k_p (u - x) - v) on a mass with Coulomb friction, in fine steps."""
+@pytest.mark.parametrize("load", [0.0, 20.0])
+def test_a_position_loop_with_friction_is_the_play_of_its_command(load):
+    """Against the cascade k_v (k_p (u - x) - v) on a mass with Coulomb friction, in fine steps.
+
+    A load on a spring of 55 Hz has the encoder: what sticks is the motor.
+    """
     kp, kv, mass, friction, substeps = 50.0, 3e4, 30.0, 60.0, 40
+    w, damping, h = 2 * np.pi * 55, 0.06, DT / substeps
     time = DT * np.arange(1500)
     command = 1e-3 * np.sin(2 * np.pi * 1.5 * np.minimum(time, 7 / 6))  # ends at an extreme
-    x, v, exact, h = 0.0, 0.0, [], DT / substeps
+    x, v, tool, speed, exact = 0.0, 0.0, 0.0, 0.0, []
     for wanted in command:
-        exact.append(x)
+        exact.append(tool if load else x)
         for _ in range(substeps):
-            needed = v * mass / h + kv * (kp * (wanted - x) - v)
-            v += h / mass * (kv * (kp * (wanted - x) - v) - np.clip(needed, -friction, friction))
-            x += h * v
-    pole = np.exp(-kp * DT)
-    servo = LinearPlant([[pole]], [[1 - pole]], [[1.0]], DT)
+            pull = w**2 * (x - tool) + 2 * damping * w * (v - speed)
+            needed = v * mass / h + kv * (kp * (wanted - x) - v) - load * pull
+            v += h / mass * (needed - v * mass / h - np.clip(needed, -friction, friction))
+            speed += h * pull
+            x, tool = x + h * v, tool + h * speed
+    # x' = k_p (u - x), and the load
+    rates = [[-kp, 0, 0], [0, 0, 1], [w**2 - 2 * damping * w * kp, -(w**2), -2 * damping * w]]
+    drive = [[kp], [0], [2 * damping * w * kp]]
+    both = np.block([[np.array(rates), np.array(drive)], [np.zeros((1, 4))]])
+    A, B = np.split(expm(DT * both)[:3], [3], axis=1)
+    servo = LinearPlant(A, B, [[0.0, 1.0, 0.0]], DT)
+    if not load:
+        servo = LinearPlant(A[:1, :1], B[:1], [[1.0]], DT)
     stuck = with_dry_friction(servo, np.asarray(servo.B), np.array([friction / (kv * kp)]))
     assert isinstance(stuck, ElastoplasticFriction)
 
