@@ -1,12 +1,15 @@
 """Machine files and summaries of machines that were identified from a log."""
 
+import json
 from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
+from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.uncertainty import FRICTION_KNOWN_TO, moved, places_around
 from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel, other_amplitudes, two_masses
@@ -54,7 +57,6 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         for one in identified.axes
     ]
     loose = [_lines(w / (2 * np.pi), off, 0.0 * w) for w, off in apart]
-    ripple = [one.ripple for one in identified.axes]
     fields = {
         "name": name,
         "length_unit": "m",
@@ -76,20 +78,49 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
         "friction": _friction(identified),
-        "friction_known_to": np.minimum(np.hypot(FRICTION_KNOWN_TO, ripple), HARDLY).tolist(),
         **_stribeck(identified),
     }
     # What moves a drive that takes a position beside its command, where that is much
-    parts = []
-    for one in identified.axes:
-        left = float(np.sqrt(np.mean(one.fit.residual**2)))
+    left, at_rest = _unexplained(identified, fields)
+    changes, parts = [one.ripple for one in identified.axes], []
+    for k, one in enumerate(identified.axes):
+        if one.fit.model.integrators:
+            continue
+        if one.friction is not None:
+            changes[k] = at_rest[k] / abs(_gain(one)[0] * one.friction[0])
         noise = np.hypot(one.resolution / np.sqrt(12), one.encoder_noise)
-        if one.fit.model.integrators == 0 and left > DISTURBED * noise:
-            parts.append(f"{1e6 * left:.3g} um on {one.name}")
+        if left[k] > DISTURBED * noise:
+            parts.append(f"{1e6 * left[k]:.3g} um on {one.name}")
+    fields["friction_known_to"] = np.minimum(np.hypot(FRICTION_KNOWN_TO, changes), HARDLY).tolist()
     if parts:
         unexplained = f"the record holds {', '.join(parts)} RMS that the command does not explain"
         fields["note"] = f"{unexplained}: the machine has it beside every error of a run here"
     return fields
+
+
+def _unexplained(
+    identified: IdentifiedMachine, fields: dict[str, Any]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """RMS position that a file's machine leaves of its record [m]: of all of it, and at rest.
+
+    Friction stops a drive that holds its place anywhere within its reversal error.
+    """
+    record, plant = identified.record, machine_from(json.dumps(fields).encode()).mechanics
+    start = plant.initial_state(record.position[0], 0.0 * record.position[0])
+    _, output = jax.lax.scan(
+        lambda state, u: (plant.step(state, u), plant.output(state)), start, record.command
+    )
+    signs = [
+        validation.speed_signs(record.position[:, k], one.resolution)
+        for k, one in enumerate(identified.axes)
+    ]
+    moves = np.stack(signs, axis=1) != 0
+    began = np.cumsum(moves, axis=0) > 0
+    left = record.position - np.asarray(output)
+    left = left - np.mean(left, axis=0, where=moves)  # a record may have its zero elsewhere
+    parts = began, began & ~moves
+    whole, still = (np.sum(left**2, 0, where=one) / np.maximum(one.sum(0), 1) for one in parts)
+    return np.sqrt(whole), np.sqrt(still)
 
 
 def _friction(identified: IdentifiedMachine) -> float | list[float] | None:

@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -79,6 +80,26 @@ def test_the_file_has_the_noise_of_every_encoder(identified):
     assert machine.encoder_noise == pytest.approx(np.array(each))
     quiet = replace(identified, axes=[replace(one, encoder_noise=0.0) for one in identified.axes])
     assert machine_fields(quiet, "mine", "V")["encoder_noise"] == 0.0
+
+
+@pytest.mark.parametrize("off", [0.0, 0.3])
+def test_friction_is_known_no_better_than_the_places_of_rest(off):
+    """A drive behind 40 um of friction, whose rests are a part of that off, by turns either way."""
+    random, friction = np.random.default_rng(0), 40e-6
+    targets = np.cumsum(random.uniform(2e-3, 10e-3, 60) * np.tile([1, -1], 30))
+    wave = (1 - np.cos(np.pi * np.minimum(np.arange(500) / 300, 1))) / 2  # moves, then rests
+    u = np.concatenate([a + (b - a) * wave for a, b in pairwise([0.0, *targets])])
+    held = np.empty(len(u))
+    place = 0.0
+    for k, asked in enumerate(u):
+        held[k] = place = np.clip(place, asked - friction, asked + friction)
+    y = np.append(np.zeros(3), held[:-3])
+    rests = (np.arange(len(u)) % 500 > 320) * np.repeat(np.tile([1, 1, -1, -1], 15), 500)
+    y = y + off * friction * rests + 1e-7 * random.standard_normal(len(u))
+    record = MachineRecord(DT, ("X", "Y"), np.stack([u, u], axis=1), np.stack([y, y], axis=1))
+    fields = machine_fields(identify_machine(record, 1, 4), "mine", "m")
+    assert fields["friction"] == pytest.approx([friction] * 2, rel=0.05)
+    assert fields["friction_known_to"] == pytest.approx([np.hypot(0.1, off)] * 2, rel=0.12)
 
 
 def test_the_file_doubts_the_response_where_the_intervals_are_wide(identified):
