@@ -15,7 +15,7 @@ There is no model: what the lines show is what the loop is judged by.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Bool, Complex, Float
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
@@ -29,6 +29,33 @@ HIGHEST = 0.9  # of the last line
 CALM = 0.8  # coherence of a line that the loop is judged by
 SURE = 1.01  # of a crossover, that is the last one
 UNSTABLE = 1e3  # sensitivity of a line that its deviation may hold unstable
+
+
+@dataclass(frozen=True)
+class MeasuredResponse:
+    """Lines of a frequency response."""
+
+    frequency: Float[np.ndarray, " F"]  # [Hz], ascending
+    value: Complex[np.ndarray, " F"]  # output per input
+    coherence: Float[np.ndarray, " F"]  # 1 where none is given
+
+    @property
+    def deviation(self) -> Float[np.ndarray, " F"]:
+        """Deviation of every line over its size, at least: sqrt((1 - g^2) / (2 g^2)).
+
+        Of one average, by the coherence g^2; Bendat & Piersol, Random Data, 4th ed., section 9.1.
+        """
+        square = np.clip(self.coherence, 1e-6, 1.0)
+        return np.sqrt((1 - square) / (2 * square))
+
+    def part(self, kept: Bool[np.ndarray, " F"]) -> "MeasuredResponse":
+        """Some of the lines."""
+        return MeasuredResponse(self.frequency[kept], self.value[kept], self.coherence[kept])
+
+    @property
+    def calm(self) -> "MeasuredResponse":
+        """The lines of a coherence that a loop can be judged by."""
+        return self.part(self.coherence >= CALM)
 
 
 @dataclass(frozen=True)
@@ -70,23 +97,13 @@ def crossover(frequency: Float[np.ndarray, " F"], loop: Complex[np.ndarray, " F"
     return float(frequency[k] ** (1 - part) * frequency[k + 1] ** part)
 
 
-def tuned(
-    frequency: Float[np.ndarray, " F"],
-    value: Complex[np.ndarray, " F"],
-    deviation: Float[np.ndarray, " F"],
-    wanted: float,
-) -> ResponseLoop:
-    """The control of a crossover [Hz] with the least largest sensitivity.
-
-    Args:
-        frequency: of the lines [Hz], ascending.
-        value: measured response.
-        deviation: of every line, relative.
-        wanted: crossover, within the lines.
+def tuned(lines: MeasuredResponse, wanted: float) -> ResponseLoop:
+    """The control of a crossover [Hz], within the lines, with the least largest sensitivity.
 
     Raises:
         ValueError: the crossover is not within the lines.
     """
+    frequency, value, deviation = lines.frequency, lines.value, lines.deviation
     if not frequency[0] < wanted < frequency[-1]:
         raise ValueError(
             f"crossover: needs to be between {frequency[0]:.4g} and {frequency[-1]:.4g} Hz, "
@@ -108,32 +125,24 @@ def tuned(
         return float(sensitivity(loop, deviation).max())
 
     logarithm = np.log(frequency)
-    starts = [
-        [np.log(LOW), np.log(place / wanted), 1.0, 1.0]
-        for place in _peaks(frequency, value, wanted)
-    ]
+    starts = [[np.log(LOW), np.log(place / wanted), 1.0, 1.0] for place in _peaks(lines, wanted)]
     searches = [
         minimize(worst, start, method="Nelder-Mead", options={"maxiter": STEPS}) for start in starts
     ]
     return control(min(searches, key=lambda one: one.fun).x)
 
 
-def quickest(
-    frequency: Float[np.ndarray, " F"],
-    value: Complex[np.ndarray, " F"],
-    deviation: Float[np.ndarray, " F"],
-    most: float,
-) -> ResponseLoop:
+def quickest(lines: MeasuredResponse, most: float) -> ResponseLoop:
     """The control of the highest crossover whose largest sensitivity is at most `most`.
 
     Raises:
         ValueError: none of those that were tried is.
     """
-    for wanted in np.geomspace(frequency[-1] / 4, 4 * frequency[0], TRIED):
-        candidate = tuned(frequency, value, deviation, wanted)
-        loop = candidate.response(frequency) * value
-        once = crossover(frequency, loop) <= SURE * wanted
-        if once and stable(loop) and sensitivity(loop, deviation).max() <= most:
+    for wanted in np.geomspace(lines.frequency[-1] / 4, 4 * lines.frequency[0], TRIED):
+        candidate = tuned(lines, wanted)
+        loop = candidate.response(lines.frequency) * lines.value
+        once = crossover(lines.frequency, loop) <= SURE * wanted
+        if once and stable(loop) and sensitivity(loop, lines.deviation).max() <= most:
             return candidate
     raise ValueError(f"no crossover within the lines has a sensitivity of at most {most:g}")
 
@@ -148,11 +157,10 @@ def stable(loop: Complex[np.ndarray, " F"]) -> bool:
     return bool(-1.5 * np.pi < angle < 0.5 * np.pi)
 
 
-def _peaks(
-    frequency: Float[np.ndarray, " F"], value: Complex[np.ndarray, " F"], wanted: float
-) -> Float[np.ndarray, " _"]:
+def _peaks(lines: MeasuredResponse, wanted: float) -> Float[np.ndarray, " _"]:
     """Frequencies above the crossover at which the response, times its frequency, peaks most."""
-    size = np.log(np.abs(value) * frequency)
+    frequency = lines.frequency
+    size = np.log(np.abs(lines.value) * frequency)
     around = median_filter(size, size=max(len(size) // 20, 5), mode="nearest")
     inside = (frequency > wanted) & (frequency < HIGHEST * frequency[-1])
     over = np.where(inside, size - around, -np.inf)

@@ -45,15 +45,9 @@ def swept_plan(
     R: Float[Array, "p p"],
     in_jax: Callable[..., AffinePlan],
 ) -> AffinePlan:
-    """Plan of `riccati.receding_horizon_plan` with the output terminal.
+    """Plan of `riccati.receding_horizon_plan` with the output terminal; its arguments are those.
 
-    Args:
-        model: A, B, C.
-        Q: output weight at every sample, S = T + N_p.
-        y_d: desired output at every sample [m].
-        stage: stage profile, weights over the horizon.
-        R: control weight.
-        in_jax: the same plan of the same arguments in plain JAX, for derivatives.
+    `in_jax` gives the same plan in plain JAX, for derivatives.
     """
     dtype, (p, n) = model.A.dtype, (model.inputs, model.states)
     steps = Q.shape[0] - stage.shape[0]
@@ -100,14 +94,9 @@ def metrics(
     window: tuple[int, int] | None,
     in_jax: Callable[[AffinePlan, LinearPlant, Reference], Metrics],
 ) -> Metrics:
-    """Metrics of a run of `plant` under u = f - F x.
+    """Metrics of a run of `plant`, whose state is measured, under u = f - F x.
 
-    Args:
-        plan: gains of every step.
-        plant: the machine, whose state is measured.
-        reference: of the run.
-        window: samples a..b-1 that are scored; all when not given.
-        in_jax: the same metrics in plain JAX, for derivatives.
+    Beside the plan its arguments are those of `lq_metrics.metrics`.
     """
     dtype = plant.A.dtype
 

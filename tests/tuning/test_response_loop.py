@@ -8,7 +8,15 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from jcontour.app.files.response_file import read_response
-from tuning.response_loop import ResponseLoop, crossover, quickest, sensitivity, stable, tuned
+from tuning.response_loop import (
+    MeasuredResponse,
+    ResponseLoop,
+    crossover,
+    quickest,
+    sensitivity,
+    stable,
+    tuned,
+)
 
 RECORDS = Path(__file__).parents[3] / "shared" / "data" / "records" / "sinumerik_ast"
 FREQUENCY = np.geomspace(2, 2000, 300)
@@ -25,7 +33,7 @@ LINES = two_masses(2j * np.pi * FREQUENCY) * np.exp(-2j * np.pi * FREQUENCY * 2e
 
 
 def test_the_loop_has_its_crossover_and_a_better_sensitivity_than_without_filters():
-    control = tuned(FREQUENCY, LINES, 0 * FREQUENCY, 120.0)
+    control = tuned(MeasuredResponse(FREQUENCY, LINES, np.ones(300)), 120.0)
     loop = control.response(FREQUENCY) * LINES
     assert crossover(FREQUENCY, loop) == pytest.approx(120, rel=0.01)
     s = 2j * np.pi * FREQUENCY
@@ -54,7 +62,8 @@ def test_lines_tell_a_stable_loop_as_a_simulation_does(gain):
 
 def test_the_quickest_keeps_its_sensitivity_within_the_deviation():
     deviation = np.where(FREQUENCY > 500, 0.1, 0.02)
-    control = quickest(FREQUENCY, LINES, deviation, 1.5)
+    lines = MeasuredResponse(FREQUENCY, LINES, 1 / (1 + 2 * deviation**2))
+    control = quickest(lines, 1.5)
     loop = control.response(FREQUENCY) * LINES
     turned = np.exp(2j * np.pi * np.linspace(0, 1, 60))[:, None]
     worst = np.abs(1 / (1 + loop * (1 + deviation * turned))).max()
@@ -68,23 +77,11 @@ def test_no_more_sensitive_than_a_commercial_tuning_of_the_same_lines():
     assert np.array_equal(measured.value, lines.value)
     theirs = json.loads((RECORDS / "tuned_by_siemens.json").read_text())
     speed, (low, notch) = theirs["speed_controller"], theirs["current_setpoint_filters"]
-    siemens = ResponseLoop(
-        *map(
-            float,
-            (
-                speed["Kp_Nms_per_rad"],
-                speed["Tn_s"],
-                low["f_hz"],
-                notch["fn"],
-                notch["dn"],
-                notch["dd"],
-            ),
-        )
-    )
+    names = "Kp_Nms_per_rad", "Tn_s", "f_hz", "fn", "dn", "dd"
+    siemens = ResponseLoop(*(float((speed | low | notch)[name]) for name in names))
     seen = lines.frequency >= 3
     at = crossover(lines.frequency[seen], (siemens.response(lines.frequency) * lines.value)[seen])
-    calm = lines.coherence >= 0.8
-    control = tuned(lines.frequency[calm], lines.value[calm], lines.deviation[calm], at)
+    control = tuned(lines.calm, at)
     worst = [
         sensitivity((one.response(lines.frequency) * lines.value)[seen]).max()
         for one in (siemens, control)

@@ -18,7 +18,7 @@ from experiments.tables import Column, Table
 from jcontour.app.files.log_file import LogColumns, read_log
 from jcontour.app.files.log_table import Table as LogTable
 from jcontour.app.files.log_table import read_table
-from jcontour.app.files.response_file import MeasuredResponse, read_response
+from jcontour.app.files.response_file import read_response
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.machines.identified import axis_result
@@ -216,10 +216,10 @@ def _sinumerik(folder: Path) -> Iterator[Row]:
     siemens = ResponseLoop(
         speed["Kp_Nms_per_rad"], speed["Tn_s"], low["f_hz"], notch["fn"], notch["dn"], notch["dd"]
     )
-    seen, calm = lines.frequency >= 3, lines.coherence >= 0.8
+    seen = lines.frequency >= 3
     at = crossover(lines.frequency[seen], (siemens.response(lines.frequency) * lines.value)[seen])
-    ours = tuned(lines.frequency[calm], lines.value[calm], lines.deviation[calm], at)
-    kept = MeasuredResponse(*(one[seen & calm] for one in vars(lines).values()))
+    ours = tuned(lines.calm, at)
+    kept = lines.part(seen).calm
     save_figure(response_figure(kept, {"Siemens": siemens, "jcontour": ours}), PICTURE)
     for lowest, late in ((3, 0.0), (3, theirs["controller_delay_s"]), (10, 0.0)):
         seen = lines.frequency >= lowest

@@ -7,14 +7,14 @@ big-endian, with a point for four bytes of zeros.
 
 import re
 import struct
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
 from jcontour._regular_files import content_of
 from jcontour.app.files.log_table import MOST_BYTES, Table, finite, read_table
+from tuning.response_loop import MeasuredResponse
 
 DIGITS = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ!#$`()*+-/:;=?@[]^_{|}~"
 ARRAY = re.compile(r'<raw name="m_pNumberArray"><!\[CDATA\[(.*?)\]\]>', re.DOTALL)
@@ -27,24 +27,6 @@ WORDS = {
     "coherence": ("coherence", "coh"),
 }
 FEWEST = 10  # lines
-
-
-@dataclass(frozen=True)
-class MeasuredResponse:
-    """Lines of a frequency response."""
-
-    frequency: Float[np.ndarray, " F"]  # [Hz], ascending
-    value: Complex[np.ndarray, " F"]  # output per input
-    coherence: Float[np.ndarray, " F"]  # 1 where none is given
-
-    @property
-    def deviation(self) -> Float[np.ndarray, " F"]:
-        """Deviation of every line over its size, at least: sqrt((1 - g^2) / (2 g^2)).
-
-        Of one average, by the coherence g^2; Bendat & Piersol, Random Data, 4th ed., section 9.1.
-        """
-        square = np.clip(self.coherence, 1e-6, 1.0)
-        return np.sqrt((1 - square) / (2 * square))
 
 
 def read_response(path: Path) -> MeasuredResponse:

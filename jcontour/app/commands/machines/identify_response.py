@@ -4,7 +4,7 @@ import numpy as np
 from rich.console import Console
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.response_file import MeasuredResponse, read_response
+from jcontour.app.files.response_file import read_response
 from jcontour.app.files.results.machine_results import ResponseResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.machines import Identify
@@ -13,28 +13,24 @@ from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished
-from tuning.response_loop import crossover, quickest, sensitivity, tuned
+from tuning.response_loop import CALM, crossover, quickest, sensitivity, tuned
 
 MOST = 1.5  # Ms of a loop inside others
-CALM = 0.8  # coherence of a line that the loop is judged by
-LEAST = 20  # such lines
+LEAST = 20  # lines that are coherent enough
 
 
 def command(flags: Identify) -> int:
     """Read, tune, store and print; exit code."""
     assert flags.response is not None
     measured = read_response(flags.response)
-    lines = calm(measured)
+    lines = measured.calm
     if len(lines.frequency) < LEAST:
         raise ValueError(
             f"{flags.response}: {len(lines.frequency)} of {len(measured.frequency)} lines have a "
             f"coherence of {CALM:g}: excite more, or average over more periods"
         )
-    given = lines.frequency, lines.value, lines.deviation
-    if flags.crossover_hz is None:
-        loop = quickest(*given, MOST)
-    else:
-        loop = tuned(*given, flags.crossover_hz)
+    wanted = flags.crossover_hz
+    loop = quickest(lines, MOST) if wanted is None else tuned(lines, wanted)
     L = loop.response(lines.frequency) * lines.value
     at, S = crossover(lines.frequency, L), sensitivity(L)
     phase = np.interp(at, lines.frequency, np.unwrap(np.angle(-L)))
@@ -74,12 +70,6 @@ def answer_of(result: ResponseResult) -> list[Entry]:
             "and period of its model nor limits. For tune record a log: jcontour identify LOG",
         ),
     ]
-
-
-def calm(measured: MeasuredResponse) -> MeasuredResponse:
-    """The lines of a coherence that a loop can be judged by."""
-    kept = measured.coherence >= CALM
-    return MeasuredResponse(*(one[kept] for one in vars(measured).values()))
 
 
 def show(result: ResponseResult, console: Console) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from jcontour.app.files.response_file import MeasuredResponse
 from jcontour.app.reports.figures.axes import (
     CYCLE,
     DESIRED,
@@ -19,7 +18,7 @@ from tuning.identification.linear import validation
 from tuning.identification.linear.identified_axes import IdentifiedMachine
 from tuning.identification.linear.output_error import TRAINING
 from tuning.identification.vibration import Resonance, Vibration
-from tuning.response_loop import ResponseLoop, sensitivity
+from tuning.response_loop import MeasuredResponse, ResponseLoop, sensitivity
 
 SHOWN = 4000  # samples of the prediction: more is a solid block
 WIDTH, HEIGHT = 4.6, 3.4  # of one axes [inch]
