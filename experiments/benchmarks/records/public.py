@@ -213,9 +213,8 @@ def _sinumerik(folder: Path) -> Iterator[Row]:
     lines = read_response(folder / "AST_AX7.xml")
     theirs = json.loads((folder / "tuned_by_siemens.json").read_text())
     speed, (low, notch) = theirs["speed_controller"], theirs["current_setpoint_filters"]
-    siemens = ResponseLoop(
-        speed["Kp_Nms_per_rad"], speed["Tn_s"], low["f_hz"], notch["fn"], notch["dn"], notch["dd"]
-    )
+    names = "Kp_Nms_per_rad", "Tn_s", "f_hz", "fn", "dn", "dd"
+    siemens = ResponseLoop(*((speed | low | notch)[name] for name in names))
     seen = lines.frequency >= 3
     at = crossover(lines.frequency[seen], (siemens.response(lines.frequency) * lines.value)[seen])
     ours = tuned(lines.calm, at)

@@ -5,8 +5,9 @@ The columns of a table are frequency [Hz], then real and imaginary parts, or siz
 big-endian, with a point for four bytes of zeros.
 """
 
+import base64
 import re
-import struct
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from jcontour.app.files.log_table import MOST_BYTES, Table, finite, read_table
 from tuning.response_loop import MeasuredResponse
 
 DIGITS = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ!#$`()*+-/:;=?@[]^_{|}~"
+RFC_1924 = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%&()*+-;<=>?@^_`{|}~"
 ARRAY = re.compile(r'<raw name="m_pNumberArray"><!\[CDATA\[(.*?)\]\]>', re.DOTALL)
 WORDS = {
     "frequency": ("frequency", "freq", "hz", "f"),
@@ -31,10 +33,8 @@ FEWEST = 10  # lines
 
 def read_response(path: Path) -> MeasuredResponse:
     """A measured response."""
-    if path.suffix.lower() == ".xml":
-        columns = _tuned(path)
-    else:
-        columns = _columns(path, read_table(path))
+    xml = path.suffix.lower() == ".xml"
+    columns = _tuned(path) if xml else _columns(path, read_table(path))
     for name, values in columns.items():
         finite(path, name, values)
     order = np.argsort(columns["frequency"], kind="stable")
@@ -93,15 +93,8 @@ def _tuned(path: Path) -> dict[str, np.ndarray]:
 
 def _doubles(path: Path, text: str) -> Float[np.ndarray, " N"]:
     """Numbers of eight bytes in base 85."""
-    values = []
-    try:
-        for word in re.findall(r"\.|[^.]{5}", "".join(text.split())):
-            whole = 0
-            for digit in word if word != "." else "":
-                whole = 85 * whole + DIGITS.index(digit)
-            values.append(whole)
-        return np.array(
-            struct.unpack(f">{len(values) // 2}d", struct.pack(f">{len(values)}I", *values))
-        )
-    except (ValueError, struct.error):
-        raise ValueError(f"{path}: numbers that are not whole; is the file cut off?") from None
+    words = "".join(text.split()).replace(".", "00000").translate(str.maketrans(DIGITS, RFC_1924))
+    if len(words) % 10 == 0:
+        with suppress(ValueError):
+            return np.frombuffer(base64.b85decode(words), ">f8").astype(float)
+    raise ValueError(f"{path}: numbers that are not whole; is the file cut off?")

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.from_file import machine_from
+from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.uncertainty import FRICTION_KNOWN_TO, moved, places_around
 from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel, other_amplitudes, two_masses
@@ -105,16 +106,14 @@ def _unexplained(
 
     Friction stops a drive that holds its place anywhere within its reversal error.
     """
-    record, plant = identified.record, machine_from(json.dumps(fields).encode()).mechanics
+    record, machine = identified.record, machine_from(json.dumps(fields).encode())
+    assert isinstance(machine, LinearMachine)
+    plant = machine.mechanics
     start = plant.initial_state(record.position[0], 0.0 * record.position[0])
-    _, output = jax.lax.scan(
-        lambda state, u: (plant.step(state, u), plant.output(state)), start, record.command
-    )
-    signs = [
-        validation.speed_signs(record.position[:, k], one.resolution)
-        for k, one in enumerate(identified.axes)
-    ]
-    moves = np.stack(signs, axis=1) != 0
+    commands = jax.numpy.asarray(record.command)
+    _, output = jax.lax.scan(lambda x, u: (plant.step(x, u), plant.output(x)), start, commands)
+    each = zip(record.position.T, identified.axes, strict=True)
+    moves = np.stack([validation.speed_signs(y, one.resolution) for y, one in each], axis=1) != 0
     began = np.cumsum(moves, axis=0) > 0
     left = record.position - np.asarray(output)
     left = left - np.mean(left, axis=0, where=moves)  # a record may have its zero elsewhere

@@ -89,8 +89,7 @@ def test_friction_is_known_no_better_than_the_places_of_rest(off):
     targets = np.cumsum(random.uniform(2e-3, 10e-3, 60) * np.tile([1, -1], 30))
     wave = (1 - np.cos(np.pi * np.minimum(np.arange(500) / 300, 1))) / 2  # moves, then rests
     u = np.concatenate([a + (b - a) * wave for a, b in pairwise([0.0, *targets])])
-    held = np.empty(len(u))
-    place = 0.0
+    held, place = np.empty(len(u)), 0.0
     for k, asked in enumerate(u):
         held[k] = place = np.clip(place, asked - friction, asked + friction)
     y = np.append(np.zeros(3), held[:-3])

@@ -32,18 +32,22 @@ def at_rest(steps, dt):
 
 
 class Counting(HostController):
-    """Its control counts its own steps; the third has no answer."""
+    """It counts its own steps from zero on."""
 
     preview = 0
-
-    def __init__(self, soft):
-        self.soft = soft
 
     def prepare(self, reference):
         return None
 
     def initial_memory(self, reference):
         return 0
+
+
+class Failing(Counting):
+    """Its control counts its own steps; the third has no answer."""
+
+    def __init__(self, soft):
+        self.soft = soft
 
     def step(self, memory, plan, measurement):
         if memory == 2:
@@ -64,7 +68,7 @@ def test_friction_is_compensated_in_every_kind_of_step(soft, third):
     """0.5 beside the counts 1, 2, the softened 10 or the repeated 2, and 4; at most 4.2 in all."""
     repeated = []
 
-    class Noting(Counting):
+    class Noting(Failing):
         def held(self, memory, measurement, control):
             repeated.append(control.tolist())
             return super().held(memory, measurement, control)
@@ -81,7 +85,7 @@ def test_friction_is_compensated_in_every_kind_of_step(soft, third):
     assert repeated == ([] if soft else [[2.0, 2.0]] * 2)
 
 
-class Following(Counting):
+class Following(Failing):
     """Its control is the reference."""
 
     def prepare(self, reference):
@@ -105,7 +109,7 @@ def test_a_lead_of_half_the_backlash_is_planned_for():
     np.testing.assert_array_equal(run.rollout.output[0], position[0])
 
 
-class Pulling(Counting):
+class Pulling(Failing):
     """It pulls the loads of the table to the origin."""
 
     def step(self, memory, plan, measurement):
@@ -126,7 +130,7 @@ def test_looking_between_the_samples_changes_nothing():
 @pytest.mark.parametrize(("soft", "third"), [(False, 2.0), (True, 10.0)])
 def test_a_fallback_lasts_a_whole_period_of_the_controller(soft, third):
     table, reference = xy_table(0.001), at_rest(8, 0.001)
-    run = reported_loop(table, Held(Counting(soft), 2, 2), reference, fallback="soft")
+    run = reported_loop(table, Held(Failing(soft), 2, 2), reference, fallback="soft")
     assert np.asarray(run.rollout.control)[:, 0].tolist() == [1, 1, 2, 2, third, third, 4, 4]
     assert run.report.fallbacks == 1 and run.report.fallback[4]
 
@@ -145,16 +149,8 @@ def test_every_needs_to_be_a_whole_number():
         Held(MPCC(xy_table(0.004), circle()), 0, 2)
 
 
-class CountingLate(HostController):
+class CountingLate(Counting):
     """Its control is the number of the sample, from one on."""
-
-    preview = 0
-
-    def prepare(self, reference):
-        return None
-
-    def initial_memory(self, reference):
-        return 0
 
     def step(self, memory, plan, measurement):
         assert measurement.size == 3 and np.all(measurement[1:] == memory)

@@ -97,10 +97,8 @@ def test_only_scored_samples_count_and_increments_do_not_cross_masks(bent, mask,
 
 def test_window_is_a_mask(bent):
     random = np.random.default_rng(1)
-    output, control = (
-        desired(bent) + 1e-6 * random.standard_normal((T, 2)),
-        random.standard_normal((T, 2)),
-    )
+    error, control = random.standard_normal((2, T, 2))
+    output = desired(bent) + 1e-6 * error
     inside = (np.arange(T) >= 3) & (np.arange(T) < 9)
     by_window, by_mask = (
         score(output, control, bent, (3, 9)),
@@ -120,10 +118,8 @@ def test_a_window_of_parts_of_samples_is_refused(bent, any_type):
 
 def test_padding_changes_no_metric(bent):
     random = np.random.default_rng(2)
-    output, control = (
-        desired(bent) + 1e-6 * random.standard_normal((T, 2)),
-        random.standard_normal((T, 2)),
-    )
+    error, control = random.standard_normal((2, T, 2))
+    output = desired(bent) + 1e-6 * error
     longer = pad(bent, T + 5)
     for garbage in (1.0, np.nan, np.inf):
         extra = np.full((5, 2), garbage)
@@ -179,10 +175,8 @@ def test_gradients_are_finite_when_padding_is_not(bent):
 
 def test_gradient_of_the_contour_error_is_that_of_differences(bent):
     random = np.random.default_rng(3)
-    output, change = (
-        desired(bent) + 5e-6 * random.standard_normal((T, 2)),
-        random.standard_normal((T, 2)),
-    )
+    error, change = random.standard_normal((2, T, 2))
+    output = desired(bent) + 5e-6 * error
     rms = lambda y: score(y, NO_CONTROL, bent).rms_contour_error  # noqa: E731
     slope = np.sum(np.asarray(jax.jit(jax.grad(rms))(output)) * change)
     h = 1e-9

@@ -32,8 +32,8 @@ TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned
 def kept(flags: Identify, log: Log, source: str, machine: IdentifiedMachine) -> int:
     """Check, store and print; exit code."""
     name = "identified" if flags.data is None else flags.data.stem
-    text = run_folder.json_text(_fields(machine, name, flags.control_unit)) + "\n"
     try:  # what the other commands would refuse is not written
+        text = run_folder.json_text(_fields(machine, name, flags.control_unit)) + "\n"
         machine_from(text.encode(), name)
     except MachineError as error:
         questions = [] if any(log.angles) else _tiny(flags, machine)
