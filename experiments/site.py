@@ -5,7 +5,7 @@ A line of a page becomes a table:
     <!-- statements of NAME -->   what a paper says, what we find, and the verdicts
     <!-- table 2 of NAME -->      the second table of its run
     <!-- rates of NAME -->        rates of a benchmark
-    <!-- predictions of public --> what is predicted of public records
+    <!-- records of NAME -->      what a benchmark of records has stored
     <!-- ranking of NAME -->      controllers of a machine, by `jcontour rank`
 `uv run python -m experiments.site RUN_FOLDER` stores statements and tables of a paper's run, and
 the rows of a ranking beside those of other controllers on the same machine.
@@ -15,13 +15,16 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from experiments.tables import Table
 
 HERE = Path(__file__).parent
 RANKINGS = HERE / "benchmarks" / "rankings.json"
 PLACE = re.compile(
-    r"^<!-- (statements|rates|predictions|ranking|table (\d+)) of ([\w-]+) -->$", re.MULTILINE
+    r"^<!-- (statements|rates|records|ranking|table (\d+)) of ([\w-]+) -->$", re.MULTILINE
 )
 
 
@@ -72,10 +75,9 @@ def _made(place: re.Match[str]) -> str:
         last = _read(HERE / "benchmarks" / "results.json")[name][-1]
         rows = [[row, f"{rate:,.0f}"] for row, rate in last["rates"].items()]
         return _table([last["devices"], "per second"], rows)
-    if what == "predictions":
-        records = _read(HERE / "benchmarks" / "records" / f"{name}.json")
-        rows = [[*list(row.values())[:-1], "yes" if row["holds"] else "**no**"] for row in records]
-        return _table(["record", "quantity", "measured", "predicted", "holds"], rows)
+    if what == "records":
+        part = import_module(f"experiments.benchmarks.records.{name}")
+        return _table([*part.COLUMNS], Table("", part.stored(), part.COLUMNS).cells)
     if what == "ranking":
         ranked = _read(RANKINGS)[name].items()
         placed = sorted((row for row in ranked if row[1][0]), key=lambda row: row[1][0])

@@ -79,20 +79,19 @@ def stored() -> list[Prediction]:
     return [Prediction(**row) for row in json.loads(STORED.read_text())]
 
 
+COLUMNS: dict[str, Column] = {
+    "record": "record",
+    "quantity": "quantity",
+    "measured": "wanted",
+    "predicted": "predicted",
+    "holds": lambda row: "yes" if row.holds else "**no**",
+}
+
+
 def tables(result: list[Prediction]) -> list[Table | str]:
     """Measured and predicted."""
-    columns: dict[str, Column] = {
-        "record": "record",
-        "quantity": "quantity",
-        "measured": "wanted",
-        "predicted": "predicted",
-        "holds": lambda row: "yes" if row.holds else "NO",
-    }
     held = sum(row.holds for row in result)
-    return [
-        Table("Public records", result, columns, words=5),
-        f"{held} of {len(result)} hold.",
-    ]
+    return [Table("Public records", result, COLUMNS, words=5), f"{held} of {len(result)} hold."]
 
 
 def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:

@@ -1,15 +1,16 @@
 """`jcontour bench whole_way`: from the record of a hidden machine to the contour error on it.
 
 The machines are those of `true_machines`, outside the class of any model here. Each runs what
-`--excite` writes; `identify`, `tune` and the loop on the machine itself follow. Counted is what
-ends in USE: whether the true loop is unstable, rings on, how large its Ms is, and its contour error
-at the encoder over the worst that was printed.
+`--excite` writes; `identify`, `tune` and the loop on the machine itself follow. Of what ends in USE
+the true loop may be unstable, ring or have a large Ms; its contour error is set beside the worst
+that was printed (at the encoder) and that of the loop that recorded (at the tool).
 """
 
 import json
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from math import nan
 from pathlib import Path
 
 import jax
@@ -26,10 +27,10 @@ from experiments.benchmarks.records.true_machines import (
     stepped,
 )
 from experiments.benchmarks.stored_results import kept
-from experiments.tables import Table
+from experiments.tables import Column, Table
 from jcontour.analysis.uncertain_loops import GRID, Lines, ResponseUncertainty
 from jcontour.app.commands.tuning import tune
-from jcontour.app.files.results.tuned_result import TunedContour, TunedResult
+from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.excitation import Excited, program
@@ -68,15 +69,18 @@ class Way:
     kind: str
     verdict: str  # of `tune`, or why there is none
     reasons: str  # against it
-    stable: bool  # whether the true loop without friction, gap and counts comes back from a knock
-    rings: float  # largest motion at rest after a contour [m]
-    sensitivity: float  # Ms on the true response
+    stable: bool = False  # the true loop, without friction, gap and counts: back from a knock
+    rings: float = nan  # largest motion at rest after a contour [m]
+    sensitivity: float = nan  # Ms on the true response
     # rms, peak: largest contour error at the encoder over the printed worst, of all contours
-    rms: float
-    peak: float
-    tool: float  # the first at the tool
-    shown: float  # frequency up to which the response was shown [Hz]
-    printed: float  # RMS contour error of the family's worst, of all contours [m]
+    rms: float = nan
+    peak: float = nan
+    # recorded_um, tuned_um: largest RMS contour error at the tool, of all contours, under the
+    # cascade or the position command that recorded and under what `tune` exports
+    recorded_um: float = nan
+    tuned_um: float = nan
+    shown: float = nan  # frequency up to which the response was shown [Hz]
+    printed_um: float = nan  # RMS contour error of the family's worst, of all contours
 
     @property
     def fails(self) -> str:
@@ -89,13 +93,6 @@ class Way:
             f"peak x {self.peak:.2f}": not self.peak <= PEAK,
         }
         return ", ".join(name for name, bad in wrong.items() if bad)
-
-
-@dataclass(frozen=True)
-class WholeWayBench:
-    """One row for every machine."""
-
-    machines: list[Way]
 
 
 def hidden_axis(random: np.random.Generator, takes, dt: float, load_side: bool) -> TrueAxis:
@@ -251,7 +248,7 @@ def tuned_law(controller: Controller, reference: Reference) -> Law:
     return law
 
 
-def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
+def measured(flags: Bench, tell: Callable[[str], None]) -> list[Way]:
     """Machines of two axes of one kind, from their records to their contour errors.
 
     Raises:
@@ -266,13 +263,12 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
         jax.clear_caches()  # every machine has programs of its own: they would fill the memory
         return [way]
 
-    return WholeWayBench(kept(flags.keep, Way, seeds, one))
+    return kept(flags.keep, Way, seeds, one)
 
 
 def way_of(seed: int, place: Path) -> Way:
     """Record, model, controller and run of one machine; files are kept at a place."""
     kind, dt, axes = machine(seed)
-    nothing = Way(seed, kind, "", "", False, *(float("nan") for _ in range(7)))
     try:
         found = identify_machine(recorded(axes, dt, seed), MOST_POLES, MOST_DELAY)
         fields = machine_fields(found, f"hidden-{seed}", "A" if axes[0].takes == "force" else "m")
@@ -281,53 +277,45 @@ def way_of(seed: int, place: Path) -> Way:
         if axes[0].takes == "force":  # the current of a drive is known
             fields["limits"]["control"] = [one.largest for one in axes]
         (place / "machine.json").write_text(json.dumps(fields))
-        plant = str(place / "machine.json")
-        flags = Tune(plant=plant, out=place / "tuned", json=True)
+        flags = Tune(plant=str(place / "machine.json"), out=place / "tuned", json=True)
         told, folder = tune.run(flags, console_of(quiet=True))
     except (ValueError, RuntimeError) as error:
-        return replace(nothing, verdict="refused", reasons=str(error))
+        return Way(seed, kind, "refused", str(error))
     verdict = told.verdict
     reasons = " | ".join(one.text for one in verdict.messages if one.level != "warning")
-    shown, printed = found.shown_to, _worst(told.contours, "rms_contour_error")
-    nothing = replace(
-        nothing, verdict=verdict.heading, reasons=reasons, shown=shown, printed=printed
-    )
+    printed = 1e6 * max(one.metrics["tuned"].worst.rms_contour_error for one in told.contours)
+    way = Way(seed, kind, verdict.heading, reasons, shown=found.shown_to, printed_um=printed)
     if not verdict.usable:
-        return nothing
+        return way
     run, weights = stored_tuning(folder)
-    return _on_the_machine(nothing, run, run.controller(weights), told, axes)
-
-
-def _worst(contours: list[TunedContour], name: str) -> float:
-    return max(getattr(one.metrics["tuned"].worst, name) for one in contours)
+    return _on_the_machine(way, run, run.controller(weights), told, axes)
 
 
 def _on_the_machine(
     way: Way, loop: TuningRun, controller: Controller, told: TunedResult, axes: list[TrueAxis]
 ) -> Way:
     """The tuned loop on the machine itself."""
-    dt = loop.machine.model.dt
-    ratios, rings = [], 0.0
-    jobs = loop.scenarios.jobs
+    dt, jobs = loop.machine.model.dt, loop.scenarios.jobs
+    numbers, rings = [], 0.0
     longest = max(job.samples for job in jobs) + round(REST / dt)  # of all: one compiled program
     for job, printed in zip(jobs, told.contours, strict=True):
         whole = with_held_end(job, longest - job.samples)
         reference = whole.reference(dt, controller.preview)
         found = _followed(axes, controller, reference, dt)
+        asked = np.asarray(reference.position)[: reference.steps]
+        before = stepped(axes, dt, recording_law(axes, asked, dt), len(asked), asked[0])
         own = np.arange(len(reference.mask)) < job.steps  # the rest is held longer than printed
         scored = replace(reference, mask=reference.mask & own)
-        scores = [
-            score_signals(part[: reference.steps], found.command[: reference.steps], scored)
-            for part in (found.position, found.tool)
-        ]
-        worst = printed.metrics["tuned"].worst
-        ratios.append(
-            [
-                float(scores[0].rms_contour_error) / worst.rms_contour_error,
-                float(scores[0].peak_contour_error) / worst.peak_contour_error,
-                float(scores[1].rms_contour_error) / worst.rms_contour_error,
-            ]
+        encoder, tool, recorded = (
+            score_signals(part[: len(asked)], found.command[: len(asked)], scored)
+            for part in (found.position, found.tool, before.tool)
         )
+        worst = printed.metrics["tuned"].worst
+        ratios = [
+            float(encoder.rms_contour_error) / worst.rms_contour_error,
+            float(encoder.peak_contour_error) / worst.peak_contour_error,
+        ]
+        numbers.append([*ratios, *(1e6 * float(one.rms_contour_error) for one in (recorded, tool))])
         rest = found.position[-round(REST / 2 / dt) :]
         counts = np.ptp(rest, axis=0) / np.array([one.count for one in axes]) / (2 * RINGS)
         rings = max(rings, float(np.nan_to_num(counts, nan=np.inf).max()))
@@ -339,7 +327,8 @@ def _on_the_machine(
     # held integrals leave an offset: what has to end is the motion
     before, last = np.ptp(left[-2 * tenth : -tenth], axis=0), np.ptp(left[-tenth:], axis=0)
     stable = bool(np.all((last < GROWN * before + 1e-9) & (np.abs(left[-tenth:]) < KNOCK)))
-    worst = dict(zip(("rms", "peak", "tool"), np.max(ratios, axis=0).tolist(), strict=True))
+    names = "rms", "peak", "recorded_um", "tuned_um"
+    worst = dict(zip(names, np.max(numbers, axis=0).tolist(), strict=True))
     sensitivity = _sensitivity(loop, controller, axes)
     return replace(way, stable=stable, rings=rings, sensitivity=sensitivity, **worst)
 
@@ -369,20 +358,32 @@ def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) 
     return float("inf") if peak is None else peak
 
 
+COLUMNS: dict[str, Column] = {
+    "machine": lambda one: f"{one.seed}: {one.kind}",
+    "before, um": "recorded_um:,.0f",
+    "tuned, um": "tuned_um:,.0f",
+    "printed, um": "printed_um:,.0f",
+    "RMS over it": "rms:.2f",
+    "peak over it": "peak:.2f",
+    "Ms": "sensitivity:.3g",
+    "verdict": lambda one: one.fails or "holds" if one.verdict == USE else "refused",
+}
+
+
 def line(way: Way) -> str:
     """One line of progress."""
-    if way.verdict != USE:
-        return f"{way.seed} {way.kind}: {way.verdict}: {way.reasons}"
-    return (
-        f"{way.seed} {way.kind}: {way.verdict}: Ms {way.sensitivity:.3g}, RMS x {way.rms:.3f}, "
-        f"peak x {way.peak:.3f}, tool x {way.tool:.3f}, rings {way.rings:.2g}, "
-        f"shown to {way.shown:.3g} Hz, {1e6 * way.printed:.3g} um: {way.fails or 'holds'}"
-    )
+    return f"{way.seed} {way.kind}: {way.verdict}: {way.reasons or way.fails or 'holds'}"
 
 
-def tables(result: WholeWayBench) -> Iterator[Table | str]:
+def stored() -> list[Way]:
+    """Machines of the site."""
+    lines = Path(__file__).with_name("whole_way.jsonl").read_text().splitlines()
+    return [Way(**row) for line in lines for row in json.loads(line)[1]]
+
+
+def tables(result: list[Way]) -> Iterator[Table | str]:
     """How many end in USE, and how many of these fail."""
-    used = [one for one in result.machines if one.verdict == USE]
+    used = [one for one in result if one.verdict == USE]
     failed = [one for one in used if one.fails]
-    yield from map(line, result.machines)
-    yield f"{len(used)} of {len(result.machines)} end in USE, {len(failed)} of these fail"
+    yield Table("Hidden machines", result, COLUMNS)
+    yield f"{len(used)} of {len(result)} end in USE, {len(failed)} of these fail"

@@ -64,7 +64,7 @@ def test_a_record_of_the_excitation_shows_the_machine(axis):
 
 
 def test_what_fails_is_named():
-    good = Way(0, "", "USE THESE VALUES", "", True, 0.5, 1.8, 1.0, 1.1, 1.0, 100.0, 1e-6)
+    good = Way(0, "", "USE THESE VALUES", "", True, 0.5, 1.8, 1.0, 1.1, 9e-6, 2e-6, 100.0, 1e-6)
     assert good.fails == ""
     bad = replace(good, stable=False, rings=2.0, sensitivity=np.inf, rms=1.2, peak=np.nan)
     for word in ("unstable", "rings", "Ms inf", "RMS x 1.20", "peak x nan"):

@@ -1,13 +1,11 @@
-import numpy as np
-
 from experiments.benchmarks.records import whole_way
 from experiments.benchmarks.records.whole_way import Way, measured, tables
 from experiments.tables import show
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import console_of
 
-USED = Way(3, "force", "USE THESE VALUES", "", True, 0.5, 1.8, 1.0, 1.1, 1.0, 100.0, 1e-6)
-REFUSED = Way(4, "force", "DO NOT USE", "no", False, *(7 * [np.nan]))
+USED = Way(3, "force", "USE THESE VALUES", "", True, 0.5, 1.8, 1.0, 1.1, 9e-6, 2e-6, 100.0, 1e-6)
+REFUSED = Way(4, "force", "DO NOT USE", "no")
 
 
 def test_machines_that_are_kept_are_not_run_again(monkeypatch, tmp_path, capsys):
@@ -16,9 +14,9 @@ def test_machines_that_are_kept_are_not_run_again(monkeypatch, tmp_path, capsys)
     monkeypatch.setattr(whole_way.jax, "clear_caches", lambda: None)  # other tests need them
     flags = Bench(what="whole_way", seeds=2, first_seed=3, keep=tmp_path / "ways.csv")
     lines = []
-    before = measured(flags, lines.append).machines
-    assert str(measured(flags, lines.append).machines) == str(before) and len(lines) == 2
-    show(console_of(), tables(whole_way.WholeWayBench(before)))
+    before = measured(flags, lines.append)
+    assert str(measured(flags, lines.append)) == str(before) and len(lines) == 2
+    show(console_of(), tables(before))
     assert "1 of 2 end in USE, 0 of these fail" in capsys.readouterr().out
 
 
