@@ -132,6 +132,7 @@ SLOPES = np.geomspace(0.1, 1e3, 81)  # of a force, over the inverse gain of what
 ENDS, ABOUT_ONE = 0.2, 1e-6  # poles below are delays and filters; what rounding makes of one
 LOST = 1e-6  # of a spectral radius, above what rounding makes of two poles at one
 RESPONSE = 20  # samples of which the quickest counts
+FAR = 1000  # samples after which an impulse has left the place where it brings the axis
 
 
 class WithDryFriction(Wrapper):
@@ -229,8 +230,7 @@ def _calm_slope(
     A: np.ndarray, E: np.ndarray, rows: np.ndarray, gains: np.ndarray, at_once: bool = False
 ) -> np.ndarray:
     """Half of the slope s of a force f = s r x at which the loop loses stability, by axis."""
-    # the loop has the matrix A - s E r, or of a force at once (I + s E r)^-1 A; s is looked for
-    # over the inverse gain
+    # the loop has A - s E r, at once (I + s E r)^-1 A; s is looked for over the inverse gain
     slope = np.zeros(len(rows))
     for k, (column, row) in enumerate(zip(E.T, rows, strict=True)):
         series = SLOPES / max(float(gains[k]), 1e-300)
@@ -292,7 +292,8 @@ def with_dry_friction(
     sliding = Friction(np.where(integrates, force, 0.0), more, stribeck[1], 0.0)
     held = Friction(np.where(integrates, 0.0, force), 0.0, 1.0, 0.0)
     onto, after = _unbending(plant), np.linalg.pinv(np.eye(len(A)) - A) @ entry
-    rigid = C @ onto
+    far = np.where(integrates, np.linalg.matrix_power(A, FAR) @ entry, after)
+    entry, rigid = np.where(np.diagonal(C @ far) < 0, -entry, entry), C @ onto  # it brakes
     settled, motors = (np.abs(np.diagonal(rows @ after)) for rows in (C, rigid))
     slope, other = (_calm_slope(A, np.asarray(entry), rows, settled, True) for rows in (C, rigid))
     late = other * motors > slope * settled

@@ -84,14 +84,14 @@ COLUMNS: dict[str, Column] = {
     "quantity": "quantity",
     "measured": "wanted",
     "predicted": "predicted",
-    "holds": lambda row: "yes" if row.holds else "**no**",
+    "holds": lambda row: "yes" if row.holds else "NO",
 }
 
 
 def tables(result: list[Prediction]) -> list[Table | str]:
     """Measured and predicted."""
-    held = sum(row.holds for row in result)
-    return [Table("Public records", result, COLUMNS, words=5), f"{held} of {len(result)} hold."]
+    table = Table("Public records", result, COLUMNS, words=5)
+    return [table, f"{sum(row.holds for row in result)} of {len(result)} hold."]
 
 
 def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:

@@ -33,8 +33,7 @@ FEWEST = 10  # lines
 
 def read_response(path: Path) -> MeasuredResponse:
     """A measured response."""
-    xml = path.suffix.lower() == ".xml"
-    columns = _tuned(path) if xml else _columns(path, read_table(path))
+    columns = _tuned(path) if path.suffix.lower() == ".xml" else _columns(path, read_table(path))
     for name, values in columns.items():
         finite(path, name, values)
     order = np.argsort(columns["frequency"], kind="stable")

@@ -103,9 +103,9 @@ Positive = Annotated[Number, Field(gt=0, title="number above 0")]
 NotNegative = Annotated[Number, Field(ge=0, title="number of at least 0")]
 Whole = Annotated[int, Field(strict=True, ge=0, title="whole number"), BeforeValidator(_whole)]
 PRINTABLE, TITLE = AfterValidator(_printable), Field(title="text")
-some = partial(StringConstraints, strict=True, min_length=1)
-Text = Annotated[str, some(max_length=80), PRINTABLE, TITLE]
-Note = Annotated[str, some(max_length=1000), PRINTABLE, TITLE]
+characters = partial(StringConstraints, strict=True, min_length=1)
+Text = Annotated[str, characters(max_length=80), PRINTABLE, TITLE]
+Note = Annotated[str, characters(max_length=1000), PRINTABLE, TITLE]
 Unit = Annotated[Literal["m", "mm", "um"], Field(title="`m`, `mm` or `um`")]
 Row = Annotated[list[Number], BeforeValidator(_listed), Field(min_length=1, title="list")]
 Matrix = Annotated[

@@ -370,8 +370,8 @@ def test_a_negative_force_is_refused():
         with_dry_friction(plant, np.asarray(plant.B), np.array([-1.0]))
 
 
-@pytest.mark.parametrize("load", [0.0, 20.0])
-def test_a_position_loop_with_friction_is_the_play_of_its_command(load):
+@pytest.mark.parametrize(("load", "sign"), [(0.0, 1), (20.0, 1), (20.0, -1)])
+def test_a_position_loop_with_friction_is_the_play_of_its_command(load, sign):
     """Against the cascade k_v (k_p (u - x) - v) on a mass with Coulomb friction, in fine steps.
 
     A load on a spring of 55 Hz has the encoder: what sticks is the motor.
@@ -394,7 +394,7 @@ def test_a_position_loop_with_friction_is_the_play_of_its_command(load):
     drive = [[kp], [0], [2 * damping * w * kp]]
     both = np.block([[np.array(rates), np.array(drive)], [np.zeros((1, 4))]])
     A, B = np.split(expm(DT * both)[:3], [3], axis=1)
-    servo = LinearPlant(A, B, [[0.0, 1.0, 0.0]], DT)
+    servo = LinearPlant(A, sign * B, [[0.0, 1.0, 0.0]], DT)
     if not load:
         servo = LinearPlant(A[:1, :1], B[:1], [[1.0]], DT)
     stuck = with_dry_friction(servo, np.asarray(servo.B), np.array([friction / (kv * kp)]))
@@ -404,7 +404,7 @@ def test_a_position_loop_with_friction_is_the_play_of_its_command(load):
         return stuck.step(state, control[None]), stuck.output(state)[0]
 
     start = stuck.initial_state(jnp.zeros(1), jnp.zeros(1))
-    _, ours = jax.lax.scan(one, start, jnp.asarray(command))
+    _, ours = jax.lax.scan(one, start, jnp.asarray(sign * command))
     assert np.abs(np.asarray(ours) - exact).max() < 0.3 * friction / (kv * kp)
     assert float(ours[-1]) == pytest.approx(exact[-1], abs=0.15 * friction / (kv * kp))
     off = abs(exact[-1] - command[-1])  # it sticks away from its command

@@ -51,7 +51,7 @@ def command(flags: Identify) -> int:
     tables.say(
         tables.console_of(),
         f"{folder / CSV}: multisines and moves, set-points [mm] every {1e3 * limits.dt:g} ms, "
-        f"{used}",
+        f"{len(positions) * limits.dt:.3g} s, {used}",
         f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way"
         f"{moved}",
         "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
