@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from jcontour.export.rendering import Code
 from jcontour.export.streaming_law import Vector
@@ -17,6 +18,7 @@ from jcontour.plant import Plant, Wrapper
 
 LETTERS = "XYZABCUVW"
 TOOLS = 99  # without length or diameter: programs that change tools run
+CALM = 1.0 + 1e-9  # spectral radius of a loop that does not grow
 STEADY = 20_000  # samples after which a constant control gives a constant speed
 SHORTEST = 5e-5  # [s] of a servo period: 20 kHz
 DRIVE = "./drive.py"  # in place of a display: it runs a program and keeps the samples
@@ -34,20 +36,22 @@ class Joint:
 
 @dataclass(frozen=True)
 class StockPid:
-    """Gains of LinuxCNC's `pid`: control per mm, mm s and mm/s, and per mm/s of the command."""
+    """Gains of LinuxCNC's `pid`: control per mm, mm s and mm/s; per mm and mm/s of the command."""
 
-    P: float
-    I: float  # noqa: E741  the field's letter
-    D: float
-    FF1: float
     limit: float
+    P: float = 0.0
+    I: float = 0.0  # noqa: E741  the field's letter
+    D: float = 0.0
+    FF0: float = 0.0
+    FF1: float = 0.0
 
 
 def stock_pids(model: LinearPlant, limit: Vector) -> list[StockPid]:
     """Loops of LinuxCNC's `pid` on the model, axis by axis.
 
     P is raised until the loop oscillates; the rest is by Ziegler and Nichols, P = 0.6 K_u,
-    I = 1.2 K_u / T_u, D = 0.075 K_u T_u. FF1 is the control of a steady speed.
+    I = 1.2 K_u / T_u, D = 0.075 K_u T_u. FF1 is the control of a steady speed. A drive that takes a
+    position gets the command alone: FF0 is the control of a place.
 
     Raises:
         ValueError: an axis has no control of its own, or does not oscillate at any gain.
@@ -56,28 +60,24 @@ def stock_pids(model: LinearPlant, limit: Vector) -> list[StockPid]:
     if B.shape[1] != len(C):
         raise ValueError("linuxcnc: a PID needs one control for each axis")
     pids = []
-    for b, c, most in zip(B.T, C, limit, strict=True):
-
-        def loop(gain: float, b: np.ndarray = b, c: np.ndarray = c) -> np.ndarray:
-            return A - gain * np.outer(b, c)
-
-        gains = np.geomspace(1.0, 1e12, 240)
-        unstable = [gain for gain in gains if spectral_radius(loop(gain)) > 1.0 + 1e-9]
-        if not unstable:
+    for b, c, most in zip(B.T, C, map(float, limit), strict=True):
+        pushed = np.block([[A, b[:, None]], [np.zeros((1, len(A))), np.ones((1, 1))]])
+        x = np.linalg.matrix_power(pushed, STEADY)[:-1, -1]  # by a control of one
+        place, speed = 1e3 * float(c @ x), 1e3 * float(c @ (A @ x + b - x)) / model.dt
+        if STEADY * model.dt * abs(speed) < abs(place) / 2:
+            pids.append(StockPid(most, FF0=1.0 / place))
+            continue
+        fed, gains = np.outer(b, c), np.geomspace(1.0, 1e12, 240)
+        lost = np.flatnonzero(spectral_radius(A - gains[:, None, None] * fed) > CALM)
+        if not lost[:1].any():
             raise ValueError("linuxcnc: a loop of P alone never oscillates, it cannot be tuned so")
-        high, low = unstable[0], unstable[0] / (gains[1] / gains[0])
-        for _ in range(40):
-            middle = np.sqrt(low * high)
-            low, high = (middle, high) if spectral_radius(loop(middle)) <= 1.0 else (low, middle)
-        values = np.linalg.eigvals(loop(high))
-        ultimate, turned = 1e-3 * high, np.abs(np.angle(values[np.abs(values).argmax()]))
+        around = gains[lost[0] - 1], gains[lost[0]]
+        edge = root_scalar(lambda g, k=fed: spectral_radius(A - g * k) - CALM, bracket=around).root
+        values = np.linalg.eigvals(A - edge * fed)
+        ultimate, turned = 1e-3 * edge, np.abs(np.angle(values[np.abs(values).argmax()]))
         period = 2.0 * np.pi * model.dt / turned
-        x = np.zeros(len(A))
-        for _ in range(STEADY):
-            x = A @ x + b
-        speed = 1e3 * float(c @ (A @ x + b - x)) / model.dt  # [mm/s] of a control of one
         gains = 0.6 * ultimate, 1.2 * ultimate / period, 0.075 * ultimate * period
-        pids.append(StockPid(*map(float, gains), FF1=1.0 / speed, limit=float(most)))
+        pids.append(StockPid(most, *map(float, gains), FF1=1.0 / speed))
     return pids
 
 

@@ -75,6 +75,7 @@ def test_a_pid_is_tuned_at_the_edge_of_stability():
     (pid,) = stock_pids(slide, np.array([10.0]))
     # z^2 - z + K dt = 0 has its roots on the unit circle at K dt = 1, at 60 degrees a sample
     assert pid.P == pytest.approx(0.6 / dt, rel=1e-6)
-    assert pid.I == pytest.approx(1.2 / dt / (6 * dt), rel=1e-5)
-    assert pid.D == pytest.approx(0.075 / dt * 6 * dt, rel=1e-5)
+    assert (pid.I, pid.D) == pytest.approx((1.2 / dt / (6 * dt), 0.075 / dt * 6 * dt), rel=1e-5)
     assert pid.FF1 == pytest.approx(1.0, rel=1e-9)
+    (through,) = stock_pids(LinearPlant([[0.9]], [[0.05]], [[1.0]], dt), np.ones(1))  # 500 mm
+    assert (through.P, through.FF0) == (0.0, pytest.approx(2e-3))

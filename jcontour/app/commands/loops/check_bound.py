@@ -89,7 +89,7 @@ def promised(machine: Machine) -> LinearMachine:
 
 
 def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
-    """Bounds as given; else the machine's control noise or its friction, and what encoders err.
+    """Bounds as given; else the machine's friction, or its control noise, and what encoders err.
 
     Friction is that of any member of the family: it acts behind the input gain, so that the force
     at the control is F (1 + 0.1) / (1 - g) with the relative uncertainty g of the gains. Encoders
@@ -114,8 +114,7 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
         )
     most = 1 + float(np.max(machine.friction_known_to))
     friction = machine.largest_friction * most / (1 - machine.uncertainty.gain)
-    stated = max(machine.control_noise, friction)
-    return Bounds(stated if force is None else force, encoder)
+    return Bounds((friction or machine.control_noise) if force is None else force, encoder)
 
 
 def box_of(plant: Plant, bounds: Bounds, machine: LinearMachine, fed: Fed) -> Box:

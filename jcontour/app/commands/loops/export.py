@@ -230,7 +230,8 @@ def _stated(
     limits, axes = loop.machine.limits, law.axes
     linear = loop.machine.linear
     friction = None if linear is None else linear.friction
-    count = np.broadcast_to(loop.machine.noisy_count or 0.0, axes)
+    noisy = loop.machine.noisy_count
+    count = np.broadcast_to(0.0 if noisy is None else noisy, axes)
 
     def each(limit: float | np.ndarray | None, size: int) -> np.ndarray | None:
         return None if limit is None else np.broadcast_to(limit, size).astype(float)

@@ -65,7 +65,8 @@ def test_backlash_is_compensated_in_a_run_and_left_to_the_control_in_its_code(
 ):
     """The code gives the controls of the run, whose reference leads; the remedy can be typed."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "loose.json").write_text(json.dumps(machine_fields | {"backlash": 0.02}))
+    noisy = {"backlash": 0.02, "encoder_noise": [1e-6, 2e-6]}  # of each axis: arrays
+    (tmp_path / "loose.json").write_text(json.dumps(machine_fields | noisy))
     task, errors = [str(part_file), "--plant", "loose.json", "--preview", "4", "--details"], []
     for name, flags in (("as-it-is", []), ("led", ["--backlash"])):
         main(["simulate", *task, *flags, "--out", name])
