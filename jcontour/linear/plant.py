@@ -245,8 +245,9 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     that carries it on,
 
         C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
-    McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale every column, as states
-    have units of their own: those of a delay line count the control in steps of the position.
+    McNab & Tsao, Appendix, with the third row at x_d(k + N_p). A standstill solves A x + B u = x,
+    C x = y: powers of A lose digits. We scale every column, as states have units of their own:
+    those of a delay line count the control in steps of the position.
 
     Raises:
         ValueError: an axis does not have one input and one output, or cannot hold a steady motion;
@@ -296,15 +297,17 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
         matrix = jnp.concatenate([jnp.stack(equations), steady], axis=1)
         size = matrix.shape[0]
         sample = jnp.arange(size, dtype=matrix.dtype)
-        ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
         # powers of two just above the sizes: columns that are divided by them keep their digits
         sizes = jnp.max(jnp.abs(matrix[:, :-1]), axis=0)
         _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
         size_of_states = jnp.ldexp(jnp.ones_like(sizes), exponents)
         matrix = matrix.at[:, :-1].divide(size_of_states)
-        maps = small_solve(matrix, ramp)[:-1] / size_of_states[:, None]
-        Sy = Sy.at[rows, output].set(maps[:, 0])
-        Sv = Sv.at[rows, output].set(maps[:, 1])
+        moving = small_solve(matrix, sample)[:-1] / size_of_states
+        still = jnp.block([[A - jnp.eye(B.size), B[:, None]], [C[None], jnp.zeros((1, 1))]])
+        still = still / jnp.append(size_of_states, jnp.max(jnp.abs(B)))[None]
+        resting = small_solve(still, jnp.eye(size)[-1])[:-1] / size_of_states
+        Sy = Sy.at[rows, output].set(resting)
+        Sv = Sv.at[rows, output].set(moving)
         conditions.append(jnp.linalg.cond(matrix))
     return SteadyMotion(Sy, Sv), conditions
 

@@ -259,7 +259,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> list[Way]:
     def one(seed: int) -> list[Way]:
         with tempfile.TemporaryDirectory() as place:
             way = way_of(seed, Path(place))
-        tell(line(way))
+        tell(f"{seed} {way.kind}: {way.verdict}: {way.reasons or way.fails or 'holds'}")
         jax.clear_caches()  # every machine has programs of its own: they would fill the memory
         return [way]
 
@@ -368,11 +368,6 @@ COLUMNS: dict[str, Column] = {
     "Ms": "sensitivity:.3g",
     "verdict": lambda one: one.fails or "holds" if one.verdict == USE else "refused",
 }
-
-
-def line(way: Way) -> str:
-    """One line of progress."""
-    return f"{way.seed} {way.kind}: {way.verdict}: {way.reasons or way.fails or 'holds'}"
 
 
 def stored() -> list[Way]:
