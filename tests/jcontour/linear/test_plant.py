@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import block_diag as block
 
 from jcontour.linear.plant import (
     LARGEST_SUMMED,
@@ -19,24 +20,13 @@ from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.linear_machines import bridgeport
 
 
-def block(*blocks):
-    """Block diagonal."""
-    rows, columns = (sum(np.shape(b)[i] for b in blocks) for i in (0, 1))
-    out, i, j = np.zeros((rows, columns)), 0, 0
-    for b in blocks:
-        out[i : i + len(b), j : j + np.shape(b)[1]] = b
-        i, j = i + len(b), j + np.shape(b)[1]
-    return out
-
-
 @pytest.mark.parametrize("delay", [2, 0])
 def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay, run):
     plant = with_input_delay(bridgeport(), delay)
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
     x = np.asarray(plant.initial_state(y, dy))
-    for i, steps in enumerate(
-        (3 + delay, 5 + delay)
-    ):  # an axis of n states is held for n steps; its poles are printed to four digits
+    # an axis of n states is held for n steps; its poles are printed to four digits
+    for i, steps in enumerate((3 + delay, 5 + delay)):
         forced = run(plant, np.zeros(plant.states), np.tile(np.eye(2)[i], (steps, 1)))[1][:, i]
         free = run(plant, x, np.zeros((steps, 2)))[1][:, i]
         ramp = y[i] + np.arange(steps + 1) * dy[i]
@@ -56,6 +46,16 @@ def test_steady_motion_of_true_integrators_never_ends(two_axes, run):
     np.testing.assert_allclose(
         run(two_axes, at_rest, np.zeros((50, 2)))[1], np.tile(y, (51, 1)), rtol=0, atol=1e-15
     )
+
+
+def test_a_standstill_of_an_identified_axis_stands():
+    """An integrator, two lags and a mode, of a record: the last row holds the place."""
+    a = np.array([1.268806, 1.044535, 1.012565, 1.220204e-2, 3.458538e-5, 0.0])
+    b = 1e-6 * np.array([0.1299651, 1.174275, 3.569026, 4.544617, 2.187219, 0.01335138])
+    A = np.eye(6) + 0.4729073 * np.eye(6, k=1) - np.outer(a, np.eye(6)[0])
+    axis = with_input_delay(LinearPlant(A, b[:, None], np.eye(1, 6), 1e-3), 4)
+    rest = np.asarray(axis.initial_state(np.ones(1), np.zeros(1)))
+    assert np.abs(np.asarray(axis.A) @ rest - rest).max() < 1e-12
 
 
 def test_steady_motion_is_differentiable_where_the_pattern_is_given(two_axes):
