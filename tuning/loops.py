@@ -19,6 +19,7 @@ from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+from jcontour.plants.encoders import fixed
 
 
 class Looked(NamedTuple):
@@ -48,7 +49,7 @@ class Loops(eqx.Module):
 
 def _fixed(count: float | Float[np.ndarray, " r"] | None) -> float | tuple[float, ...] | None:
     """As a field that a program is compiled for."""
-    return tuple(count.tolist()) if isinstance(count, np.ndarray) else count
+    return None if count is None else fixed(count)
 
 
 class ProbedLoops(Loops):

@@ -13,7 +13,7 @@ from jcontour.plant import Remembering, State, Wrapper
 from jcontour.sensors import Sensors
 
 
-def _fixed(resolution: ArrayLike | tuple[float, ...]) -> float | tuple[float, ...]:
+def fixed(resolution: ArrayLike | tuple[float, ...]) -> float | tuple[float, ...]:
     """As the field of a plant that is compiled once for each."""
     found = np.asarray(resolution, float)
     return float(found) if found.ndim == 0 else tuple(found.tolist())
@@ -51,7 +51,7 @@ class Quantised(Wrapper):
         ValueError: a resolution is not positive.
     """
 
-    resolution: float | tuple[float, ...] = eqx.field(static=True, converter=_fixed)
+    resolution: float | tuple[float, ...] = eqx.field(static=True, converter=fixed)
 
     def __check_init__(self):
         _check_resolution(self.resolution)
@@ -120,7 +120,7 @@ class CountingEncoders(_SpeedsByDifference):
         ValueError: a resolution is not positive.
     """
 
-    resolution: float | tuple[float, ...] = eqx.field(static=True, converter=_fixed)
+    resolution: float | tuple[float, ...] = eqx.field(static=True, converter=fixed)
 
     def __check_init__(self):
         _check_resolution(self.resolution)
