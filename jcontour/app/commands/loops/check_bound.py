@@ -89,7 +89,7 @@ def promised(machine: Machine) -> LinearMachine:
 
 
 def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
-    """Bounds as given; else friction, or control noise where none is known, and what encoders err.
+    """Bounds as given; else friction, without it control noise, and what encoders err.
 
     Friction is that of any member of the family: it acts behind the input gain, so that the force
     at the control is F (1 + 0.1) / (1 - g) with the relative uncertainty g of the gains. Encoders
