@@ -7,22 +7,8 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
+from experiments.papers.alter_tsao import experiment as paper
 from experiments.papers.alter_tsao.claims import APART, claims, tables
-from experiments.papers.alter_tsao.experiment import (
-    TABLE_1,
-    TABLE_2,
-    costs,
-    feedbacks,
-    line,
-    line_30,
-    loop_runs,
-    perturbed_costs,
-    rms,
-    run,
-    trajectory,
-    zero_interval,
-    zpetc_apart,
-)
 from experiments.papers.verdicts import Verdict, rounds_to
 from experiments.site import stored as stored_run
 from experiments.tables import stored
@@ -36,18 +22,18 @@ YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 @pytest.fixture(scope="module")
 def result():
-    return run()
+    return paper.run()
 
 
 def test_the_trajectory_is_the_reference():
-    np.testing.assert_allclose(trajectory(), WANTED["trajectory_m"], rtol=0, atol=1e-15)
-    assert rms(trajectory()) == pytest.approx(WANTED["trajectory_rms"], rel=1e-12)
+    np.testing.assert_allclose(paper.trajectory(), WANTED["trajectory_m"], rtol=0, atol=1e-15)
+    assert paper.rms(paper.trajectory()) == pytest.approx(WANTED["trajectory_rms"], rel=1e-12)
 
 
 @pytest.mark.parametrize("which", ["b_fitted", "b_printed"])
 def test_table_1_is_the_reference(which):
-    for published, row in zip(TABLE_1, WANTED["table1"], strict=True):
-        ours, wanted = line(published, WANTED[which]), row[which]
+    for published, row in zip(paper.TABLE_1, WANTED["table1"], strict=True):
+        ours, wanted = paper.line(published, WANTED[which]), row[which]
         assert ours.following == ModelFollowing(wanted["m"], wanted["Np"], wanted["N"])
         assert ours.l1_cost == pytest.approx(wanted["J_l1"], rel=1e-8)
         assert ours.hinf_cost == pytest.approx(wanted["J_hinf"], rel=1e-8)
@@ -60,14 +46,14 @@ def test_table_1_is_the_reference(which):
 
 
 def test_the_zero_of_the_print():
-    np.testing.assert_allclose(zero_interval(), WANTED["b_interval_lines_3_to_11"], atol=1e-9)
-    assert zpetc_apart(-0.3075) < 1e-14
+    np.testing.assert_allclose(paper.zero_interval(), WANTED["b_interval_lines_3_to_11"], atol=1e-9)
+    assert paper.zpetc_apart(-0.3075) < 1e-14
 
 
 def test_table_2_is_the_reference():
     for which in ("b_fitted", "b_printed"):
-        for published, wanted in zip(TABLE_2, WANTED["table2"], strict=True):
-            row = costs(published, WANTED[which])
+        for published, wanted in zip(paper.TABLE_2, WANTED["table2"], strict=True):
+            row = paper.costs(published, WANTED[which])
             assert row.optimal == pytest.approx(wanted[which]["J1_opt"], rel=1e-8)
             assert row.limit == pytest.approx(wanted[which]["lim_J_eps"], rel=1e-8)
             assert row.by_program == pytest.approx(wanted[which]["lp_J1"], rel=1e-9)
@@ -78,13 +64,13 @@ def test_table_2_is_the_reference():
 
 
 def test_line_30_is_the_reference():
-    numbers, wanted = line_30(WANTED["b_fitted"]), WANTED["table3_line30"]
+    numbers, wanted = paper.line_30(WANTED["b_fitted"]), WANTED["table3_line30"]
     names = ("eps_from_max", "eps_from_rms", "l1_optimal_fir_max")
     assert numbers == pytest.approx([wanted[name] for name in names], rel=1e-8)
 
 
 def test_feedbacks_are_the_reference():
-    loop, laws = WANTED["explicit_loop"], feedbacks(linear_motor_drive())
+    loop, laws = WANTED["explicit_loop"], paper.feedbacks(linear_motor_drive())
     for name, key in (("A", "A_lead"), ("B", "B_lead_integral")):
         np.testing.assert_allclose(laws[name].numerator, loop[key]["num_lambda"], rtol=1e-8)
         np.testing.assert_allclose(laws[name].denominator, loop[key]["den_lambda"], rtol=1e-8)
@@ -92,7 +78,7 @@ def test_feedbacks_are_the_reference():
 
 def test_loops_are_the_reference():
     wanted = WANTED["explicit_loop"]["runs"]
-    loops = {(r.controller, *astuple(r.following)): r for r in loop_runs(-0.3075)}
+    loops = {(r.controller, *astuple(r.following)): r for r in paper.loop_runs(-0.3075)}
     assert len(loops) == len(wanted) + 3 == 18
     for row in wanted:
         one = loops[row["controller"][0], row["m"], row["Np"], row["N"]]
@@ -106,7 +92,7 @@ def test_our_h_infinity_feedback_keeps_the_errors_of_the_filters(result):
     loops = [run_ for run_ in result.loops if run_.controller == "H-infinity"]
     assert len(loops) == 3
     assert all(run_.apart < APART and run_.slowest_pole > 1 for run_ in loops)
-    plant, one = linear_motor_drive(), feedbacks(linear_motor_drive())["H-infinity"]
+    plant, one = linear_motor_drive(), paper.feedbacks(linear_motor_drive())["H-infinity"]
     lam = np.exp(-1j * np.linspace(1e-3, np.pi, 2001))
     P = np.einsum(
         "ij,kj->k",
@@ -128,7 +114,7 @@ def test_the_attained_cost_is_below_the_printed_one(result):
 
 def test_costs_over_eps_are_the_reference():
     rows = WANTED["explicit_loop"]["perturbation_0_9_0"]["sweep"]
-    costs = perturbed_costs(-0.3075, [row["eps"] for row in rows])
+    costs = paper.perturbed_costs(-0.3075, [row["eps"] for row in rows])
     for one, row in zip(costs, rows, strict=True):
         assert one == pytest.approx(row["J_eps"], abs=1e-9)
 

@@ -5,36 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.papers.synchronisation import experiment as paper
 from experiments.papers.synchronisation.claims import FIGURES, claims
-from experiments.papers.synchronisation.experiment import (
-    BETAS,
-    CONTINUOUS,
-    FAST,
-    NOMINAL,
-    SLOW,
-    UNEQUAL,
-    WEAK,
-    run,
-    turns,
-)
 from experiments.papers.verdicts import Verdict
 from tests.reference_data import numbers_of
 
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 ORDER = Verdict.SAME_ORDERING
 REFERENCE = numbers_of("adaptive/synchronisation")
-NAMES = {NOMINAL: "sync_nominal", WEAK: "sync_low_kc"}
+NAMES = {paper.NOMINAL: "sync_nominal", paper.WEAK: "sync_low_kc"}
 
 
 @pytest.fixture(scope="module")
 def result():
-    return run()
+    return paper.run()
 
 
 def wanted_rows():
     for name, key in NAMES.items():
         for row in REFERENCE[key]["continuous"]:
-            yield name, CONTINUOUS, row, 1e-9
+            yield name, paper.CONTINUOUS, row, 1e-9
         for sampled in REFERENCE[key]["discrete"]:
             for row in sampled["rows"]:
                 yield name, 1e3 * sampled["T_s"], row, 1e-11
@@ -43,7 +33,7 @@ def wanted_rows():
 def test_responses_are_those_of_the_reference(result):
     compared = 0
     for name, period, row, rounding in wanted_rows():
-        if row["beta"] not in BETAS.get((name, period), ()):
+        if row["beta"] not in paper.BETAS.get((name, period), ()):
             continue
         response, compared = result.row(name, period, row["beta"]), compared + 1
         if row["peak_sync"] == "diverged":
@@ -79,12 +69,12 @@ def changed(result, plant, period, beta, **values):
 @pytest.mark.parametrize(
     ("place", "change", "number", "verdict"),
     [
-        ((NOMINAL, CONTINUOUS, 0.0), {"peak_e1": 0.1}, 0, NO),
-        ((NOMINAL, CONTINUOUS, 5.0), {"iae_sync": 0.07}, 1, NO),
-        ((NOMINAL, CONTINUOUS, 2.0), {"peak_sync": 0.6}, 2, PARTLY),
-        ((NOMINAL, CONTINUOUS, 10.0), {"peak_sync": 1.0}, 2, NO),
-        ((NOMINAL, FAST, 10.0), {"peak_sync": 0.5}, 6, NO),
-        ((NOMINAL, SLOW, 3.0), {"turns": 99}, 7, PARTLY),
+        ((paper.NOMINAL, paper.CONTINUOUS, 0.0), {"peak_e1": 0.1}, 0, NO),
+        ((paper.NOMINAL, paper.CONTINUOUS, 5.0), {"iae_sync": 0.07}, 1, NO),
+        ((paper.NOMINAL, paper.CONTINUOUS, 2.0), {"peak_sync": 0.6}, 2, PARTLY),
+        ((paper.NOMINAL, paper.CONTINUOUS, 10.0), {"peak_sync": 1.0}, 2, NO),
+        ((paper.NOMINAL, paper.FAST, 10.0), {"peak_sync": 0.5}, 6, NO),
+        ((paper.NOMINAL, paper.SLOW, 3.0), {"turns": 99}, 7, PARTLY),
     ],
 )
 def test_verdicts_follow_the_numbers(result, place, change, number, verdict):
@@ -98,7 +88,9 @@ def test_verdicts_follow_the_numbers(result, place, change, number, verdict):
 def test_a_loop_near_instability_is_stable(result, exact, verdict):
     """Of a paper whose loop rings at 4, one that is unstable there has the order alone."""
     bounds = [
-        replace(row, exact=exact) if (row.plant, row.period_ms) == (NOMINAL, SLOW) else row
+        replace(row, exact=exact)
+        if (row.plant, row.period_ms) == (paper.NOMINAL, paper.SLOW)
+        else row
         for row in result.bounds
     ]
     assert tuple(claims(replace(result, bounds=tuple(bounds))))[7].verdict is verdict
@@ -115,26 +107,26 @@ def test_a_bound_that_proves_too_much_is_no_proof(result):
 
 
 def test_unequal_axes_have_a_bound_in_continuous_time(result):
-    bound = result.bound(UNEQUAL, FAST).continuous
+    bound = result.bound(paper.UNEQUAL, paper.FAST).continuous
     assert bound is not None and bound > 0
-    assert not any(row.diverged for row in result.rows if row.plant == UNEQUAL)
+    assert not any(row.diverged for row in result.rows if row.plant == paper.UNEQUAL)
 
 
 @pytest.mark.parametrize(
     ("signal", "count"), [([1.0, -1.0, 1.0], 2), ([1.0, 1e-9, -1e-9, 2.0], 0), ([0.0, 0.0], 0)]
 )
 def test_turns(signal, count):
-    assert turns(np.array(signal)) == count
+    assert paper.turns(np.array(signal)) == count
 
 
 def test_figures_show_the_numbers(result):
-    shown = ((CONTINUOUS, 5.0), (FAST, 2.0), (SLOW, 3.0))
+    shown = ((paper.CONTINUOUS, 5.0), (paper.FAST, 2.0), (paper.SLOW, 3.0))
     *responses, companions = FIGURES.values()
     moving, tool = companions(result).axes
     np.testing.assert_array_equal(moving.lines[1].get_ydata(), result.schedule.slow)
     np.testing.assert_array_equal(tool.lines[0].get_ydata(), 1e3 * result.cycles.light)
     for figure, (period, beta) in zip(responses, shown, strict=True):
         panels = figure(result).axes
-        row = result.row(NOMINAL, period, beta)
+        row = result.row(paper.NOMINAL, period, beta)
         np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), row.e2)
         assert len(panels[2].lines) == 5

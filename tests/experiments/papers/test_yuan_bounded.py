@@ -6,22 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_bounded import experiment as paper
 from experiments.papers.yuan_bounded.claims import claims, errors
-from experiments.papers.yuan_bounded.experiment import (
-    PREVIEWED,
-    UNKNOWN,
-    LoopRow,
-    PointToPointRun,
-    Result,
-    algorithm_1,
-    axis,
-    certificate,
-    disturbed,
-    least_tolerance,
-    limits,
-    motion,
-    run,
-)
 from tests.reference_data import numbers_of
 
 ORDER = Verdict.SAME_ORDERING
@@ -34,19 +20,19 @@ def numbers():
 
 
 def test_the_axis_is_that_of_the_reference(numbers):
-    np.testing.assert_allclose(axis().A, numbers["A"], atol=1e-12)
-    np.testing.assert_allclose(np.asarray(axis().B)[:, 0], numbers["B"], atol=1e-15)
-    unknown = disturbed(5e-3, previewed=False).E
+    np.testing.assert_allclose(paper.axis().A, numbers["A"], atol=1e-12)
+    np.testing.assert_allclose(np.asarray(paper.axis().B)[:, 0], numbers["B"], atol=1e-15)
+    unknown = paper.disturbed(5e-3, previewed=False).E
     np.testing.assert_allclose(unknown, np.stack([numbers["E"], numbers["G"]], axis=1), atol=1e-15)
-    bounds = limits(previewed=False)
+    bounds = paper.limits(previewed=False)
     assert float(bounds.control) == pytest.approx(numbers["bounds"]["u_tilde"], rel=1e-9)
     assert bounds.signals[0].limit == pytest.approx(numbers["bounds"]["v_error"])
 
 
 def test_forty_samples_are_too_few_against_an_unknown_reference(numbers):
-    assert least_tolerance(UNKNOWN, 40) == np.inf
+    assert paper.least_tolerance(paper.UNKNOWN, 40) == np.inf
     wanted = [case for case in numbers["cases"] if case["N"] == 40 and case["previewed"]]
-    assert least_tolerance(PREVIEWED, 40) == pytest.approx(
+    assert paper.least_tolerance(paper.PREVIEWED, 40) == pytest.approx(
         1e3 * wanted[0]["least_tolerance_m"], rel=1e-4
     )
 
@@ -55,7 +41,7 @@ def test_forty_samples_are_too_few_against_an_unknown_reference(numbers):
 def test_the_certificate_is_the_reference():
     wanted = numbers_of("guarantees/single_axis")["eps_min_m"]
     for (size, speed), value in zip(((0.005, 0.1), (0.0025, 0.1)), wanted.values(), strict=False):
-        row = certificate(size, speed)
+        row = paper.certificate(size, speed)
         assert row == pytest.approx(1e3 * value, rel=1e-6)
 
 
@@ -63,13 +49,15 @@ def made_up():
     """A printed set that is empty, tolerances below 4.5 mm, loops within what they promise."""
     error = np.array([0.5, -1.0])
     loops = (
-        LoopRow(UNKNOWN, 1.4, 1.0, 8.6, 0.1, 0.15, 2, error),
-        LoopRow(PREVIEWED, 0.09, 0.08, 9.0, 0.2, 0.25, 2, error / 20),
+        paper.LoopRow(paper.UNKNOWN, 1.4, 1.0, 8.6, 0.1, 0.15, 2, error),
+        paper.LoopRow(paper.PREVIEWED, 0.09, 0.08, 9.0, 0.2, 0.25, 2, error / 20),
     )
-    least = {UNKNOWN: 1.39, PREVIEWED: 0.058}
+    least = {paper.UNKNOWN: 1.39, paper.PREVIEWED: 0.058}
     runs = (("1 kHz", 3.9, 1.7), ("4 kHz", 3.8, 1.7), ("standard", 7.7, 5.3), ("tuned", 2.2, 1.4))
-    motions = tuple(PointToPointRun(name, 1e-3, most, mean, error) for name, most, mean in runs)
-    return Result(1.001, 4.856, least, loops, motions, algorithm_1())
+    motions = tuple(
+        paper.PointToPointRun(name, 1e-3, most, mean, error) for name, most, mean in runs
+    )
+    return paper.Result(1.001, 4.856, least, loops, motions, paper.algorithm_1())
 
 
 def test_verdicts_follow_the_numbers():
@@ -87,7 +75,7 @@ def test_verdicts_follow_the_numbers():
     assert verdicts(replace(whole, loops=printed))[3] == YES
     assert verdicts(replace(whole, observer_radius=0.99))[0] == YES
     assert verdicts(replace(whole, bound_mm=4.4))[1] == YES
-    wide = {UNKNOWN: 1.39, PREVIEWED: 5.0}
+    wide = {paper.UNKNOWN: 1.39, paper.PREVIEWED: 5.0}
     assert verdicts(replace(whole, least_mm=wide))[2] == NO
     out = (whole.loops[0], replace(whole.loops[1], largest_mm=0.1))
     assert verdicts(replace(whole, loops=out))[3] == NO
@@ -103,14 +91,14 @@ def test_the_figure_shows_the_numbers():
 
 @pytest.mark.slow
 def test_the_chapter_in_its_quick_form():
-    result = run(quick=True)
+    result = paper.run(quick=True)
     verdicts = [claim.verdict for claim in claims(result)]
     assert verdicts[:5] == [NO, NO, PARTLY, PARTLY, PARTLY]
     assert all(0.5 * row.promised_mm < row.largest_mm <= row.promised_mm for row in result.loops)
 
 
 def test_the_motion_waits_and_ends_after_a_tenth_of_a_metre():
-    position = np.asarray(motion(1e-3, 1).position)[:, 0]
+    position = np.asarray(paper.motion(1e-3, 1).position)[:, 0]
     assert not position[:200].any() and position[-1] == pytest.approx(0.1)
     assert np.diff(position).max() == pytest.approx(1e-4)
     assert np.diff(position, 2).max() == pytest.approx(4e-6, rel=1e-6)

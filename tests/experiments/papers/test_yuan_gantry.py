@@ -9,19 +9,8 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_gantry import experiment as paper
 from experiments.papers.yuan_gantry.claims import PRINTED_HZ, claims
-from experiments.papers.yuan_gantry.experiment import (
-    CASES,
-    DAMPED,
-    FREQUENCY,
-    SAMPLE,
-    Follower,
-    Result,
-    along_the_path,
-    emulated,
-    reference_path,
-    responses,
-)
 from experiments.papers.yuan_gantry.motor_bench import (
     Emulated,
     HardwareInLoop,
@@ -32,12 +21,14 @@ from experiments.papers.yuan_gantry.motor_bench import (
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, thesis_gantry
 
 YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTAL
-TIME = SAMPLE * np.arange(reference_path().steps)
+TIME = paper.SAMPLE * np.arange(paper.reference_path().steps)
 
 
 @pytest.fixture(scope="module")
 def result():
-    return Result(responses(), along_the_path(), emulated(), {"jcontour": 0.0})
+    return paper.Result(
+        paper.responses(), paper.along_the_path(), paper.emulated(), {"jcontour": 0.0}
+    )
 
 
 def test_frequencies_of_the_reference_data(result):
@@ -64,22 +55,22 @@ def test_the_least_gain_is_at_the_antiresonance(result):
 
 def test_the_path_is_that_of_the_thesis():
     """Length 2 x 80 mm and a circle of 80 mm, 0.1 m/s, 1 m/s^2 (reference data, `path`)."""
-    reference = reference_path()
+    reference = paper.reference_path()
     position = np.asarray(reference.position)
-    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / SAMPLE
-    assert (reference.steps - 1) * SAMPLE == pytest.approx(6.726548, abs=SAMPLE)
+    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / paper.SAMPLE
+    assert (reference.steps - 1) * paper.SAMPLE == pytest.approx(6.726548, abs=paper.SAMPLE)
     np.testing.assert_allclose(position[[0, -1]], [[0.08, -0.08], [0.08, 0.08]], atol=1e-12)
     assert speed.max() == pytest.approx(0.1, rel=1e-3)
-    assert np.abs(np.diff(speed)).max() / SAMPLE < 1.001
+    assert np.abs(np.diff(speed)).max() / paper.SAMPLE < 1.001
     round_it = np.abs(np.linalg.norm(position, axis=1) - 0.08) < 1e-9
-    assert round_it.sum() * SAMPLE * 0.1 == pytest.approx(2 * np.pi * 0.08, rel=0.01)
+    assert round_it.sum() * paper.SAMPLE * 0.1 == pytest.approx(2 * np.pi * 0.08, rel=0.01)
 
 
 def test_the_twist_is_what_turns_the_head_along_the_beam(result):
     """At steady speed 2 k_r theta is about -M_e (d x_h'' + x_h y''), eq. 5.9."""
     p, run = thesis_gantry(), result.path
     moving = (TIME > 2.0) & (TIME < 5.0)
-    acceleration = np.gradient(np.gradient(run.tool_m, SAMPLE, axis=0), SAMPLE, axis=0)
+    acceleration = np.gradient(np.gradient(run.tool_m, paper.SAMPLE, axis=0), paper.SAMPLE, axis=0)
     lever = p.tool_offset * acceleration[:, 0] + run.tool_m[:, 0] * acceleration[:, 1]
     wanted = np.asarray(-p.head_mass * lever / (2 * p.joint_stiffness))[moving]
     assert np.abs(run.twist_rad[moving] - wanted).max() < 0.1 * np.abs(wanted).max()
@@ -88,14 +79,15 @@ def test_the_twist_is_what_turns_the_head_along_the_beam(result):
 
 def test_drives_apart_turn_the_beam_by_what_is_asked():
     """k_y L (i_2 - i_1) = -c theta', and nothing else changes."""
-    p, reference = thesis_gantry(), reference_path()
-    row = jax.tree.map(lambda rows: rows[700], Follower(p).prepare(reference))
+    p, reference = thesis_gantry(), paper.reference_path()
+    row = jax.tree.map(lambda rows: rows[700], paper.Follower(p).prepare(reference))
     state = np.array([0.07, 0.21, 1e-4, 0.02, 0.1, 3e-3])
     plain, damped = (
-        np.asarray(Follower(p, damping).step(None, row, state)[1]) for damping in (0.0, DAMPED)
+        np.asarray(paper.Follower(p, damping).step(None, row, state)[1])
+        for damping in (0.0, paper.DAMPED)
     )
     moment = float(p.drive_constant * p.half_span) * (damped[2] - damped[1])
-    assert moment == pytest.approx(-DAMPED * 3e-3, rel=1e-9)
+    assert moment == pytest.approx(-paper.DAMPED * 3e-3, rel=1e-9)
     sums = [[currents[0], currents[1] + currents[2]] for currents in (damped, plain)]
     np.testing.assert_allclose(*sums, rtol=1e-14)
 
@@ -106,12 +98,14 @@ def test_what_parts_the_bench_from_the_gantry(result):
     Late and left alone, the twist grows as its damping says.
     """
     rows = result.heads
-    assert [row.name for row in rows] == ["gantry", *CASES]
+    assert [row.name for row in rows] == ["gantry", *paper.CASES]
     ideal, at_once_alone, dry, late, _, alone = rows[1:]
     motors = MotorBench()
     dry_friction = (motors.friction.coulomb + motors.friction.stribeck)[0]
     breaking_away = float(dry_friction / motors.reduced_inertia)
-    pull = FREQUENCY**2 * dry.peak_x_error_m  # [m/s^2] of the follower; 0.125 more by feedforward
+    pull = (
+        paper.FREQUENCY**2 * dry.peak_x_error_m
+    )  # [m/s^2] of the follower; 0.125 more by feedforward
     assert abs(pull - breaking_away) < 0.15
     assert ideal.distance_m < late.distance_m < dry.distance_m
     assert ideal.distance_m == pytest.approx(0.55e-6, rel=0.05)  # evidence/yuan-gantry.md
@@ -129,9 +123,9 @@ def test_what_parts_the_bench_from_the_gantry(result):
 def test_holding_alone_costs_more_damping_than_the_beam_has(result):
     """M_e d^2 w sin((delay + 1/2) w T) of 2 b_y L^2, by hand: 1.6 kg m^2, 538.26 rad/s."""
     viscous = 2 * 200.0 * 0.9**2  # 324 N m s/rad
-    held, late = (result.head([*CASES][k]) for k in (1, 5))
+    held, late = (result.head([*paper.CASES][k]) for k in (1, 5))
     lost = [viscous - held.twist_damping, viscous - late.twist_damping]
-    wanted = [1.6 * 538.26 * np.sin(samples * 538.26 * SAMPLE) for samples in (0.5, 1.5)]
+    wanted = [1.6 * 538.26 * np.sin(samples * 538.26 * paper.SAMPLE) for samples in (0.5, 1.5)]
     np.testing.assert_allclose(lost, wanted, rtol=1e-4)
     assert viscous < lost[0] == pytest.approx(441, abs=1)  # evidence/yuan-gantry.md
     assert lost[1] - lost[0] == pytest.approx(419, abs=1)  # evidence/yuan-gantry.md
@@ -163,7 +157,10 @@ def test_the_model_predicts_a_bench_whose_friction_is_its_own():
     p, bench = thesis_gantry(), MotorBench(dry=False)
     viscous = p.head_mass * bench.reduced_viscous / bench.reduced_inertia
     p = eqx.tree_at(lambda p: (p.head_viscous, p.tool_offset), p, (viscous, jnp.zeros(())))
-    plant, model = HardwareInLoop(Gantry(p, SAMPLE), bench), delayed_head_model(p, bench, SAMPLE)
+    plant, model = (
+        HardwareInLoop(Gantry(p, paper.SAMPLE), bench),
+        delayed_head_model(p, bench, paper.SAMPLE),
+    )
     state = plant.initial_state(np.zeros(2), np.array([1e-4, 0.0]))
     expected, step = jnp.array([0.0, 0.05, 0.0]), eqx.filter_jit(plant.step)
     for current in (2.0, -3.0, 1.0, 5.0):
@@ -176,8 +173,8 @@ def test_the_model_predicts_a_bench_whose_friction_is_its_own():
 def test_damping_of_the_twist_is_that_of_the_eigenvalues():
     """c = -2 J_0 times the growth rate of the beam's mode; M_e d^2 / J_0 is 3 %."""
     p = thesis_gantry()
-    plant = HardwareInLoop(Gantry(p, SAMPLE), MotorBench(dry=False))
-    start = plant.initial_state(np.zeros(2), np.array([0.05 * SAMPLE, 0.0]))
+    plant = HardwareInLoop(Gantry(p, paper.SAMPLE), MotorBench(dry=False))
+    start = plant.initial_state(np.zeros(2), np.array([0.05 * paper.SAMPLE, 0.0]))
 
     def sample(z):
         moved = start._replace(gantry=start.gantry + z[:6], sent=start.sent + z[6:].reshape(-1, 2))
@@ -188,7 +185,7 @@ def test_damping_of_the_twist_is_that_of_the_eigenvalues():
     rows = jax.jit(jax.vmap(sample))(jnp.concatenate([away, -away]))
     eigenvalues = np.linalg.eigvals((rows[:8] - rows[8:]) / 2e-5)
     mode = eigenvalues[np.argmax(np.abs(np.angle(eigenvalues)) * (np.abs(eigenvalues) > 0.5))]
-    rate = -2 * float(p.inertia(0.0) * np.log(np.abs(mode))) / SAMPLE
+    rate = -2 * float(p.inertia(0.0) * np.log(np.abs(mode))) / paper.SAMPLE
     frequency = float(jnp.sqrt(2 * p.joint_stiffness / p.inertia(0.0)))
     all_late = float(p.head_mass * p.tool_offset**2) * frequency
     assert rate == pytest.approx(float(twist_damping(plant)), abs=0.05 * all_late) and rate < 0

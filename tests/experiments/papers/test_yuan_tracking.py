@@ -6,19 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_tracking import experiment as paper
 from experiments.papers.yuan_tracking.claims import COLUMNS, FIGURES, OURS, PUBLISHED, claims
-from experiments.papers.yuan_tracking.experiment import (
-    DRAWN,
-    SHARPNESSES,
-    TASKS,
-    Columns,
-    Result,
-    Setup,
-    Signals,
-    beam_study,
-    columns,
-    gap_curve,
-)
 from tests.reference_data import numbers_of
 
 LESO = numbers_of("single_axis/metrics_only")
@@ -34,12 +23,12 @@ SHOWN = Verdict.EXPERIMENTAL
 
 @pytest.fixture(scope="module")
 def setup():
-    return Setup()
+    return paper.Setup()
 
 
 def test_metrics_of_signals_by_hand():
-    row = columns(
-        Signals(
+    row = paper.columns(
+        paper.Signals(
             np.array([0.0, 2e-3]),
             np.array([1e-3, 4e-3]),
             np.array([1e-3, 0.0]),
@@ -51,25 +40,27 @@ def test_metrics_of_signals_by_hand():
 
 def test_the_cascade_is_the_reference(setup):
     signals = setup.signals(setup.controller("cascade"))
-    for task in TASKS:
+    for task in paper.TASKS:
         row = PLAIN[f"{task} PI"]
         current = signals[task].current[:-1][:: row["every"]]
         np.testing.assert_allclose(current, row["U"][: current.size], atol=1e-8)
-        np.testing.assert_allclose(columns(signals[task]).ee_mean, row["ee_mean_mm"], rtol=1e-8)
+        np.testing.assert_allclose(
+            paper.columns(signals[task]).ee_mean, row["ee_mean_mm"], rtol=1e-8
+        )
 
 
 @pytest.mark.parametrize("row", LESO)
 def test_observers_are_the_reference(setup, row):
     task, _, form = row.split()
-    ours = columns(setup.signals(setup.controller(FORMS[form]))[task])
+    ours = paper.columns(setup.signals(setup.controller(FORMS[form]))[task])
     for name in COLUMNS:
         assert getattr(ours, name) == pytest.approx(LESO[row][name], rel=1e-6), name
 
 
 @pytest.mark.slow
 def test_the_twin_is_near_and_nearer_the_sharper(setup):
-    gap = gap_curve(setup)
-    assert (gap[-1] < gap[0]).all() and (gap[SHARPNESSES.index(1e3)] <= 0.03).all()
+    gap = paper.gap_curve(setup)
+    assert (gap[-1] < gap[0]).all() and (gap[paper.SHARPNESSES.index(1e3)] <= 0.03).all()
 
 
 def made_up(observed=0.95):
@@ -81,11 +72,11 @@ def made_up(observed=0.95):
     }
     rows = {}
     for name, scale in scales.items():
-        row = Columns(**{**dict.fromkeys(COLUMNS, scale), "ee_max": 1.1 * scale})
-        rows[name] = dict.fromkeys(TASKS, row)
+        row = paper.Columns(**{**dict.fromkeys(COLUMNS, scale), "ee_max": 1.1 * scale})
+        rows[name] = dict.fromkeys(paper.TASKS, row)
     gap = np.tile(np.array([[0.05], [0.04], [0.02], [0.01], [0.005], [0.002], [0.001]]), 2)
-    still = {task: Signals(*np.array([[0.1], [0.2], [0.3], [1.0]])) for task in TASKS}
-    return Result(rows, dict.fromkeys(DRAWN, still), gap, beam_study())
+    still = {task: paper.Signals(*np.array([[0.1], [0.2], [0.3], [1.0]])) for task in paper.TASKS}
+    return paper.Result(rows, dict.fromkeys(paper.DRAWN, still), gap, paper.beam_study())
 
 
 def printed_as(excess, mean):
@@ -129,7 +120,7 @@ def test_three_statements_on_the_same_tables_have_one_rule():
     notch = made_up()
     weak = replace(notch.columns["cascade-notch"]["A"], def_max=0.99)
     for by_task, wanted in (
-        (dict.fromkeys(TASKS, weak), ORDER),
+        (dict.fromkeys(paper.TASKS, weak), ORDER),
         ({"A": notch.columns["cascade"]["A"], "B": weak}, NO),
     ):
         columns = {**notch.columns, "cascade-notch": by_task}

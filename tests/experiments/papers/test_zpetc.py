@@ -7,29 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
+from experiments.papers.zpetc import experiment as paper
 from experiments.papers.zpetc.claims import agrees, claims
-from experiments.papers.zpetc.experiment import (
-    FAST,
-    FITTED_GAIN,
-    PRINTED_LOOP,
-    SLOW,
-    TRUTHS,
-    LimitedServo,
-    adaptive_runs,
-    closed,
-    equation_5,
-    fitted_loop,
-    gain_left,
-    integral_runs,
-    legs,
-    models,
-    one_pole_fit,
-    placing_gain,
-    prefilter_of,
-    run,
-    servo,
-    units,
-)
 from jcontour.plants.arms import SERVO_GAIN, SERVO_POLE
 from jcontour.plants.linear_machines import servo_axes
 from tests.reference_data import numbers_of
@@ -40,34 +19,34 @@ YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 @pytest.fixture(scope="module")
 def result():
-    return run(quick=True)
+    return paper.run(quick=True)
 
 
 @pytest.mark.parametrize("row", WANTED["zoh"])
 def test_models_are_the_reference(row):
-    plant = servo(row["T"], pole=row["pole"])
+    plant = paper.servo(row["T"], pole=row["pole"])
     assert 1e3 * plant.gain == pytest.approx(row["b0"], rel=1e-8)
     assert -plant.zeros_z[0].real == pytest.approx(row["zero"], rel=1e-8)
-    gain = placing_gain(plant)
+    gain = paper.placing_gain(plant)
     assert gain == pytest.approx(1e3 * row["kp_26"], rel=1e-8)
-    loop = closed(plant, gain)
+    loop = paper.closed(plant, gain)
     assert loop.gain == pytest.approx(row["cl_gain"], rel=1e-8)
     np.testing.assert_allclose(np.sort(loop.poles_z.real), row["cl_poles"], rtol=1e-8)
 
 
 def test_the_prefilters_are_the_reference():
     fit = WANTED["fit"]
-    np.testing.assert_allclose(prefilter_of(fitted_loop()), fit["prefilter"], rtol=1e-8)
+    np.testing.assert_allclose(paper.prefilter_of(paper.fitted_loop()), fit["prefilter"], rtol=1e-8)
     wanted = WANTED["prefilter_from_printed_eq7"]
-    np.testing.assert_allclose(prefilter_of(PRINTED_LOOP), wanted, rtol=1e-8)
-    assert pytest.approx(1e3 * fit["kp"]) == FITTED_GAIN
-    loop = fitted_loop()
+    np.testing.assert_allclose(paper.prefilter_of(paper.PRINTED_LOOP), wanted, rtol=1e-8)
+    assert pytest.approx(1e3 * fit["kp"]) == paper.FITTED_GAIN
+    loop = paper.fitted_loop()
     assert loop.gain == pytest.approx(fit["closed_loop_gain"], rel=1e-8)
     np.testing.assert_allclose(np.sort(loop.poles_z.real), fit["poles"], rtol=1e-8)
 
 
 def test_units_of_table_1_are_the_reference():
-    table, text = units()
+    table, text = paper.units()
     wanted = WANTED["gain_from_table1"]
     assert text.gain_inch == pytest.approx(wanted["with_Ka_750_inch"], rel=1e-8)
     assert text.pole == pytest.approx(wanted["pole_with_Ka_750"], rel=1e-8)
@@ -76,14 +55,15 @@ def test_units_of_table_1_are_the_reference():
 
 
 def test_the_path_is_the_reference():
-    samples = 1e3 * legs(3e-3)[::100, 0]
+    samples = 1e3 * paper.legs(3e-3)[::100, 0]
     wanted = WANTED["link0_samples_3ms_every_100"]
     np.testing.assert_allclose(samples, wanted, rtol=1e-8, atol=1e-10)
 
 
 def test_integral_runs_are_the_reference():
     means = {
-        (r.truth, r.integral_time): r for r in integral_runs(TRUTHS[2:3], times=(None, 0.01, 0.2))
+        (r.truth, r.integral_time): r
+        for r in paper.integral_runs(paper.TRUTHS[2:3], times=(None, 0.01, 0.2))
     }
     rows = [
         r
@@ -98,7 +78,7 @@ def test_integral_runs_are_the_reference():
 
 
 def test_adaptive_runs_are_the_reference():
-    runs = adaptive_runs(TRUTHS[1:2])
+    runs = paper.adaptive_runs(paper.TRUTHS[1:2])
     rows = [r for r in WANTED["azpetc"] if r["case"] == "good: gain x1.1"]
     for one, row in zip(runs, rows, strict=True):
         assert (one.rule == "printed") == row["printed_lambda_15"]
@@ -112,24 +92,26 @@ def test_adaptive_runs_are_the_reference():
 
 
 def test_equation_5_holds_as_corrected():
-    corrected, printed = equation_5()
+    corrected, printed = paper.equation_5()
     assert corrected < 1e-12 and printed > 0.01
 
 
 def test_gain_error_in_closed_form():
-    left, z = gain_left(), WANTED["zoh"][1]["zero"]
+    left, z = paper.gain_left(), WANTED["zoh"][1]["zero"]
     angle = 2 * np.pi * left.hertz * 3e-3
     wanted = (1 + 2 * z * np.cos(angle) + z**2) / (1 + z) ** 2 - 1
     np.testing.assert_allclose(left.error, wanted, atol=1e-8)
 
 
-@pytest.mark.parametrize("truth", TRUTHS)
+@pytest.mark.parametrize("truth", paper.TRUTHS)
 def test_the_fitted_pole_has_the_lag_of_the_loop(truth):
     """On a ramp the position loop lags by v / (k_p K / p), one pole by T / b_0."""
-    lag = truth.pole / (placing_gain(servo(SLOW)) * truth.gain * SERVO_GAIN)  # [s]
-    a, b = one_pole_fit(truth)
-    assert b == pytest.approx(SLOW / lag, abs=1e-3)
-    assert a == pytest.approx(SLOW / lag - 1, abs=1e-3)
+    lag = truth.pole / (
+        paper.placing_gain(paper.servo(paper.SLOW)) * truth.gain * SERVO_GAIN
+    )  # [s]
+    a, b = paper.one_pole_fit(truth)
+    assert b == pytest.approx(paper.SLOW / lag, abs=1e-3)
+    assert a == pytest.approx(paper.SLOW / lag - 1, abs=1e-3)
 
 
 def judged(result, claim):
@@ -168,7 +150,7 @@ def test_convergence_is_that_of_the_parameters(result):
 )
 def test_adaptive_is_better_overall_only_with_every_servo(result, ahead, wanted):
     """Runs of 1 um against the fixed controller's of 2 um and more."""
-    names = [TRUTHS[index].name for index in ahead]
+    names = [paper.TRUTHS[index].name for index in ahead]
     rows = tuple(
         replace(row, mean_um=1.0 if row.truth in names else 1e4) for row in result.adaptive
     )
@@ -227,8 +209,8 @@ def test_the_printed_integral_time_is_the_best_with_much_friction(result):
 
 def test_a_servo_without_friction_far_from_its_limit_is_the_linear_one():
     position, speed = jnp.array([1e-3]), jnp.array([2e-5])
-    built = LimitedServo(SERVO_GAIN, SERVO_POLE, 0.0, FAST)
-    linear = servo_axes([SERVO_GAIN], SERVO_POLE, FAST)
+    built = paper.LimitedServo(SERVO_GAIN, SERVO_POLE, 0.0, paper.FAST)
+    linear = servo_axes([SERVO_GAIN], SERVO_POLE, paper.FAST)
     one, other = built.initial_state(position, speed), linear.initial_state(position, speed)
     for control in (0.1, -0.05, 0.2):
         one = built.step(one, jnp.array([control]))
@@ -238,18 +220,18 @@ def test_a_servo_without_friction_far_from_its_limit_is_the_linear_one():
 
 def test_the_current_is_limited_by_the_time_and_friction_holds():
     """h i of speed per second: 30 A up to half a second, 7.5 A after; friction of 8 A holds."""
-    built = LimitedServo(SERVO_GAIN, SERVO_POLE, 0.0, FAST)
+    built = paper.LimitedServo(SERVO_GAIN, SERVO_POLE, 0.0, paper.FAST)
     at_rest = built.initial_state(jnp.zeros(1), jnp.zeros(1))
     for start, current in ((0.0, 30.0), (0.6, 7.5)):
         state = built.step(at_rest._replace(time=jnp.asarray(start)), jnp.array([1e3]))
-        assert float(state.speed[0]) == pytest.approx(554.03e-3 * current * FAST, rel=1e-4)
-    held = LimitedServo(SERVO_GAIN, SERVO_POLE, 8.0, FAST)
+        assert float(state.speed[0]) == pytest.approx(554.03e-3 * current * paper.FAST, rel=1e-4)
+    held = paper.LimitedServo(SERVO_GAIN, SERVO_POLE, 8.0, paper.FAST)
     late = at_rest._replace(time=jnp.asarray(0.6))
     assert float(held.step(late, jnp.array([1e3])).position[0]) == 0.0
 
 
 def test_one_wrong_digit_is_seen():
-    one = next(row for row in models() if row.item == "(16)" and row.pole_rad_s == 567.5)
+    one = next(row for row in paper.models() if row.item == "(16)" and row.pole_rad_s == 567.5)
     assert agrees(one)
     gain, zero, *poles = one.ours
     assert not agrees(replace(one, ours=(gain, zero + 1e-4, *poles)))
