@@ -1,7 +1,7 @@
 """Summaries of a contour, its motion and its runs, for tables and figures."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,15 @@ def machine_summary(machine: Machine) -> MachineSummary:
     return MachineSummary(
         machine.name, machine.control_unit, machine.axes, machine.nonsmooth_effects
     )
+
+
+def loop_summary(machine: Machine, controller: str) -> dict[str, Any]:
+    """Fields of every result of a controller on a machine."""
+    return {
+        "machine": machine_summary(machine),
+        "controller": controller,
+        "error": machine.error,
+    }
 
 
 def family_metrics(replay: Replay, index: int) -> FamilyMetrics:

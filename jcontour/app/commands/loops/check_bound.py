@@ -29,7 +29,7 @@ from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, of_axes, peak_line, say, table_of
-from jcontour.app.runs.contour_summary import machine_summary
+from jcontour.app.runs.contour_summary import loop_summary
 from jcontour.app.runs.lifecycle import created, finished, words_of
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.bounds.certificates import Certificate, certificate
@@ -144,9 +144,7 @@ def command(flags: Check) -> int:
     limits = None if limit is None else tuple(np.asarray(limit, float).tolist())
     result = CertifiedResult(
         certified=str(flags.run),
-        machine=machine_summary(machine),
-        controller=loop.name,
-        error=machine.error,
+        **loop_summary(machine, loop.name),
         force=bounds.force,
         encoder=bounds.encoder,
         control_limit=limits,

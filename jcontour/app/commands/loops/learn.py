@@ -21,7 +21,7 @@ from jcontour.app.reports.figures.loops import learning
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, say
-from jcontour.app.runs.contour_summary import machine_summary, run_outline
+from jcontour.app.runs.contour_summary import loop_summary, run_outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.learning import (
     Learner,
@@ -64,10 +64,8 @@ def command(flags: Learn) -> int:
         save_samples(position, machine.model.dt, machine.axes, folder)
     known = prepared.convergence
     result = LearnedResult(
-        machine=machine_summary(machine),
-        controller=design.name,
+        **loop_summary(machine, design.name),
         weights=plain_weights(design.start),
-        error=machine.error,
         contour=job.name,
         feed_law=job.feed_law,
         samples=job.steps,

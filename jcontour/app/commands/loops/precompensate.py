@@ -26,7 +26,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.loops import bent_figure
 from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.contour_summary import machine_summary
+from jcontour.app.runs.contour_summary import loop_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.bending import STILL, Bent, bent, moves_along
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
@@ -81,10 +81,8 @@ def command(flags: Precompensate) -> int:
 def _result(loop: StoredLoop, bend: Bent, moves: Sequence[Moves]) -> BentResult:
     machine, job = loop.machine, bend.job
     return BentResult(
-        machine=machine_summary(machine),
-        controller=loop.name,
+        **loop_summary(machine, loop.name),
         contour=job.name,
-        error=machine.error,
         samples=job.steps,
         roughness=bend.roughness,
         largest=float(np.linalg.norm(bend.correction, axis=1).max()),

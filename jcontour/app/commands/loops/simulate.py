@@ -34,7 +34,7 @@ from jcontour.app.runs.checks.run_checks import (
 from jcontour.app.runs.contour_summary import (
     Simulated,
     contour_runs,
-    machine_summary,
+    loop_summary,
     motion_summary,
     peak_place,
     read_of,
@@ -103,10 +103,8 @@ def simulated(design: Design, scenarios: Scenarios, replayed: Replay) -> Simulat
         for k in range(len(scenarios.plants))
     ]
     result = SimulatedResult(
-        machine=machine_summary(machine),
-        controller=design.name,
+        **loop_summary(machine, design.name),
         weights=plain_weights(design.start),
-        error=machine.error,
         contour=job.name,
         feed_law=job.feed_law,
         samples=job.samples,

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from jcontour.app.files.results.run_metrics import (
     ContourRead,
-    MachineSummary,
+    LoopResult,
     MotionSummary,
     PeakPlace,
     RunMetrics,
@@ -14,16 +14,19 @@ from jcontour.app.files.results.verdict import LimitCheck, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedResult:
-    """One controller on one contour, over the family of plants."""
+class ContourResult(LoopResult):
+    """The same on one contour."""
 
-    machine: MachineSummary
-    controller: str
     weights: dict[str, Weight]
-    error: str  # the error that counts, "contour" or "tracking"
     contour: str
     feed_law: str
     samples: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedResult(ContourResult):
+    """One controller on one contour, over the family of plants."""
+
     preview: int
     # cost at the end of an LQ controller's horizon; None for other controllers
     terminal: str | None = None
@@ -61,13 +64,10 @@ class AuditedResult(SimulatedResult):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BentResult:
+class BentResult(LoopResult):
     """Errors along the reference as it is, and along the bent one."""
 
-    machine: MachineSummary
-    controller: str
     contour: str
-    error: str  # the error that counts, "contour" or "tracking"
     samples: int
     roughness: float  # price of the correction's bends
     largest: float  # largest shift of the reference [m]
@@ -209,13 +209,10 @@ class CertifiedRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CertifiedResult:
+class CertifiedResult(LoopResult):
     """Largest errors of a stored loop under bounded disturbances."""
 
     certified: str  # folder of the run whose loop it is
-    machine: MachineSummary
-    controller: str
-    error: str  # the error that counts, "contour" or "tracking"
     force: float  # bound on what adds to each control [control unit]
     # bound on the error of every measured number, one for all or each [m]
     encoder: float | tuple[float, ...]
@@ -267,16 +264,9 @@ class StoredLap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearnedResult:
+class LearnedResult(ContourResult):
     """Laps of a part on the family of machines."""
 
-    machine: MachineSummary
-    controller: str
-    weights: dict[str, Weight]
-    error: str  # the error that counts, "contour" or "tracking"
-    contour: str
-    feed_law: str
-    samples: int
     numbers: dict[str, float]  # of the law, by name
     laps: int  # how many were asked for
     ratio: float  # largest ratio of the correction's distance from its limit, from lap to lap

@@ -101,6 +101,15 @@ class MachineSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoopResult:
+    """What is found of one controller on one machine."""
+
+    machine: MachineSummary
+    controller: str  # name in the catalogue
+    error: str  # the error that counts, "contour" or "tracking"
+
+
+@dataclass(frozen=True, kw_only=True)
 class AxisSummary:
     """One axis of the nominal model, under one unit of its own control."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jcontour.app.files.netcdf import Variables
-from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
+from jcontour.app.files.results.run_metrics import METRICS, LoopResult, MachineSummary
 from jcontour.app.files.results.stored import Weight
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.tuning import Against
@@ -86,13 +86,10 @@ class BudgetPoint:
         return getattr(self, name or "cycle_time")
 
 
-@dataclass(frozen=True)
-class FrontResult:
+@dataclass(frozen=True, kw_only=True)
+class FrontResult(LoopResult):
     """A front."""
 
-    machine: MachineSummary
-    error: str  # name of the error that counts on the machine, contour or tracking
-    controller: str  # name in the catalogue
     weights: list[str]  # names of the free weights
     points: list[BudgetPoint]  # one for every budget, from the smallest
     # limit on the RMS tracking error that no flag asked for [m]; None without it

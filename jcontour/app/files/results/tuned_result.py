@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from jcontour.app.files.results.run_metrics import (
     ContourRead,
     FamilyMetrics,
-    MachineSummary,
+    LoopResult,
     PeakPlace,
 )
 from jcontour.app.files.results.stored import Weight
@@ -122,12 +122,9 @@ class TunedContour:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TunedResult:
+class TunedResult(LoopResult):
     """Everything that a tuning run results in."""
 
-    machine: MachineSummary
-    controller: str
-    error: str  # the error that counts, "contour" or "tracking"
     preview: int
     # cost at the end of an LQ controller's horizon; None for other controllers
     terminal: str | None = None

@@ -28,7 +28,7 @@ from jcontour.app.jobs.replays import Scenarios, replayed
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import feed_words, named_numbers
 from jcontour.app.runs.checks.machine_limits import machine_limits, peak_controls
-from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
+from jcontour.app.runs.contour_summary import Simulated, loop_summary, peak_place, read_of
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.toolpath_rules import DRAWINGS
 from jcontour.geometry.toolpaths import Toolpath
@@ -129,10 +129,8 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         time = float(score.time)
     limits = machine_limits(replay, scenarios, machine)
     result = SimulatedResult(
-        machine=machine_summary(machine),
-        controller=flags.controller,
+        **loop_summary(machine, flags.controller),
         weights={**weights},
-        error=machine.error,
         contour=job.name,
         feed_law=f"at most {feed_words(1e-3 * design.speed_mm_s)}",
         samples=len(output),

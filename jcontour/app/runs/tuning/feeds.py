@@ -16,7 +16,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.progress import counted
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import limits_exceeded_by_plan, motions_not_followed
-from jcontour.app.runs.contour_summary import cycle_time, family_metrics, machine_summary
+from jcontour.app.runs.contour_summary import cycle_time, family_metrics, loop_summary
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
 from jcontour.app.runs.tuning.limits import named_limits
 
@@ -52,9 +52,7 @@ def front_of_feeds(flags: Front) -> FrontResult:
         words = f"USE {best:g} % of the feed: the quickest of these within every limit."
         verdict = Verdict.of([], passed=words)
     return FrontResult(
-        machine=machine_summary(loop.machine),
-        error=loop.machine.error,
-        controller=loop.name,
+        **loop_summary(loop.machine, loop.name),
         weights=[],
         points=points,
         against="feed",

@@ -42,7 +42,7 @@ from jcontour.app.runs.checks.stated_limits import (
 from jcontour.app.runs.checks.trials import offset_lasts, path_margins, robust_test, standstill
 from jcontour.app.runs.contour_summary import (
     family_metrics,
-    machine_summary,
+    loop_summary,
     peak_place,
     read_of,
 )
@@ -272,9 +272,7 @@ def tuned_result(
     )
     weights = plain_weights(tuned.weights)
     return TunedResult(
-        machine=machine_summary(run.machine),
-        controller=run.design.name,
-        error=error,
+        **loop_summary(run.machine, run.design.name),
         **run.design.settings(),
         limitable=run.design.limitable,
         files=run.design.files,

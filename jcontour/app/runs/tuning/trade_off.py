@@ -29,7 +29,7 @@ from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.progress import progress_of
-from jcontour.app.runs.contour_summary import machine_summary
+from jcontour.app.runs.contour_summary import loop_summary
 from jcontour.app.runs.tuning.limits import WINDOWS, probed_peaks
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.simulation.metrics import Metrics
@@ -124,9 +124,7 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
         state = _searched(problems, places, run, show_progress, state.histories)
     front = front_points(problems, run.start, state)[-len(budgets) :]
     return FrontResult(
-        machine=machine_summary(run.machine),
-        error=run.machine.error,
-        controller=run.design.name,
+        **loop_summary(run.machine, run.design.name),
         weights=list(run.design.free()),
         points=[_point(search, budget, one) for budget, one in zip(budgets, front, strict=True)],
         tracking_cap=search.tracking_cap,

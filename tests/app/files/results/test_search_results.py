@@ -27,11 +27,11 @@ def test_a_failed_row_is_stored_without_numbers():
 
 def result(against):
     return FrontResult(
-        MachineSummary("mill", "A", ("X", "Y"), "counts"),
-        "contour",
-        "lq",
-        ["alpha"],
-        POINTS,
+        machine=MachineSummary("mill", "A", ("X", "Y"), "counts"),
+        error="contour",
+        controller="lq",
+        weights=["alpha"],
+        points=POINTS,
         against=against,
     )
 
