@@ -3,9 +3,11 @@
 Everything heavy is imported by the command that needs it, so that --help answers at once.
 """
 
+import _thread
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
@@ -95,6 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:  # what ends a command from outside ends it as Ctrl-C does
         for one in (signal.SIGINT, signal.SIGTERM):
             signal.signal(one, _interrupt)
+        sys.unraisablehook = _lost
     with warnings.catch_warnings():
         warnings.showwarning = _print_warning
         # numbers of a loop that diverges: its result says so
@@ -119,6 +122,17 @@ _interruptions: list[int] = []  # signals that came
 def _interrupt(number: int, frame: FrameType | None) -> None:
     _interruptions.append(number)
     raise KeyboardInterrupt
+
+
+def _lost(raised: Any) -> None:
+    """What a destructor or a callback raised; an interruption that fell into one comes again.
+
+    After one, objects that it left half made complain: that is no news.
+    """
+    if issubclass(raised.exc_type, KeyboardInterrupt):
+        threading.Timer(0.01, _thread.interrupt_main).start()
+    elif not _interruptions:
+        sys.__unraisablehook__(raised)
 
 
 def _print_warning(message, category, filename, lineno, file=None, line=None) -> None:

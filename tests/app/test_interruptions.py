@@ -73,11 +73,20 @@ WAITS = "    time.sleep(60)"
 # as pandas, whose compiled modules answer Ctrl-C with ImportError
 LOADS = """    try: time.sleep(60)
     except KeyboardInterrupt: raise ImportError('no module') from None"""
+# as zipfile's, whose destructor needs what a whole __init__ leaves
+BUILDS = """    class File:
+        def __init__(self): time.sleep(60)
+        def __del__(self): self.whole
+    File()"""
+# as JAX's, which clears its caches when Python collects garbage
+COLLECTS = """    class Caches:
+        def __del__(self): time.sleep(60)
+    Caches()
+    time.sleep(60)"""
+ENDINGS = [(signal.SIGINT, body) for body in (WAITS, LOADS, BUILDS, COLLECTS)]
 
 
-@pytest.mark.parametrize(
-    ("number", "body"), [(signal.SIGINT, WAITS), (signal.SIGTERM, WAITS), (signal.SIGINT, LOADS)]
-)
+@pytest.mark.parametrize(("number", "body"), [(signal.SIGTERM, WAITS), *ENDINGS])
 def test_a_command_that_is_ended_from_outside_says_so_in_one_line(number, body):
     program = (
         "import sys, time\n"
