@@ -148,7 +148,7 @@ class LinearMachine(GainsAndDelayMachine):
     @property
     def frictionless(self) -> "LinearMachine":
         """The same without dry friction: its loops are linear."""
-        return replace(self, friction=0.0, backlash=0.0)
+        return replace(self, friction=0.0, stribeck=(0.0, 1.0), backlash=0.0)
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders with noise in place of counts, or their state measured.
