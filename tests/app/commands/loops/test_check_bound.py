@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from jcontour.analysis.frozen_loops import unlimited
 from jcontour.app.cli import main
-from jcontour.app.commands.loops.check_bound import ATTACK, verdict_on
+from jcontour.app.commands.loops.check_bound import (
+    ATTACK,
+    Bounds,
+    certified_runs,
+    promised,
+    verdict_on,
+)
 from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
+from jcontour.app.machines.machine import MachineLimits
+from jcontour.app.runs.stored_loops import stored_loop
 
 ROW = CertifiedRow(
     contour="circle",
@@ -48,6 +57,15 @@ def test_a_tuned_run_is_certified_with_its_weights(tour):
     result = tour("check-bound-tuned").result(CertifiedResult)
     assert result.force == 1.0  # control_noise of the machine file
     assert all(row.reached <= row.bound for row in result.rows)
+
+
+def test_no_attack_exceeds_a_bound_that_is_larger_than_the_part(simulated):
+    loop = stored_loop(simulated)
+    loop = replace(loop, controller=unlimited(loop.controller))
+    machine = replace(promised(loop.machine), limits=MachineLimits())
+    for one in certified_runs(loop, machine, Bounds(300.0, 0.5e-6)):
+        assert one.row.bound > 8e-3
+        assert np.all((one.reached <= one.certificate.bound)[one.certificate.scored])
 
 
 def test_faults_are_told_in_a_line_and_nothing_is_written(simulated, tmp_path, capsys):
