@@ -40,6 +40,13 @@ def test_the_contour_error_is_that_of_simulate(loop, part):
     assert row.samples * loop.machine.model.dt > row.real_time > 0.1
 
 
+@needs_linuxcnc
+def test_a_program_that_linuxcnc_does_not_read_is_refused_in_its_words(loop):
+    job = job_named(str(PARTS[0]), loop.pace)
+    with pytest.raises(ValueError, match="File ended with no percent sign or program end"):
+        compared(loop, job, "G21 G90\nG1 X2 F600\n")
+
+
 def test_the_distance_to_a_path_is_that_to_its_nearest_piece():
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
     places = np.array([[0.5, 0.25], [1.5, 0.5], [-3.0, 4.0], [1.0, 0.0]])

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from jcontour.app.commands.loops.export import exported_code, linuxcnc_components
+from jcontour.app.files.checks import named
 from jcontour.app.files.results.loop_results import InLinuxcncResult, InLinuxcncRow
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.loops import Check
@@ -43,7 +44,8 @@ def command(flags: Check) -> int:
             raise ValueError(f"in-linuxcnc: {part} is no program of G-code, LinuxCNC runs no other")
     rows, figures = [], {}
     for job, part in programs:
-        row, figure = compared(loop, job, part.read_text())
+        with named(str(part)):
+            row, figure = compared(loop, job, part.read_text())
         rows.append(row)
         figures[job.name] = figure
     folder = created(flags, "check")
@@ -80,8 +82,7 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
     """Errors of the real loop, of `simulate` on the planner's samples and on our own.
 
     Raises:
-        ValueError: the loop cannot run in LinuxCNC.
-        RuntimeError: as `run_in_linuxcnc`.
+        ValueError: the loop cannot run in LinuxCNC; or as `run_in_linuxcnc`.
     """
     code, _ = exported_code(loop, job)
     components = linuxcnc_components(loop, code, display=DRIVE)
@@ -89,11 +90,8 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
     real = run_in_linuxcnc(components, program, longest)
     stock = linuxcnc_components(loop, code, display=DRIVE, stock=True)
     pid = run_in_linuxcnc(stock, program, longest)
-    plant, controller, dt = (
-        loop.machine.true_family(loop.fed)[0],
-        loop.controller,
-        loop.machine.model.dt,
-    )
+    plant, dt = loop.machine.true_family(loop.fed)[0], loop.machine.model.dt
+    controller = loop.controller
     own = job.reference(dt, controller.preview)
     # From samples, from rest to rest; tangents by differences, as the law takes them
     held = np.concatenate([real.command, np.repeat(real.command[-1:], controller.preview, axis=0)])

@@ -120,7 +120,7 @@ def run_in_linuxcnc(components: Mapping[str, str], program: str, longest: float)
     """Run a program of G-code; components and configuration are those of `linuxcnc_files`.
 
     Raises:
-        RuntimeError: it does not build, does not end, trips, or samples are lost.
+        ValueError: it does not build, does not end, trips, or samples are lost.
     """
     alone = Path(tempfile.gettempdir()) / "jcontour-linuxcnc.lock"  # two would share its memory
     with FileLock(alone), tempfile.TemporaryDirectory() as work:
@@ -136,7 +136,7 @@ def run_in_linuxcnc(components: Mapping[str, str], program: str, longest: float)
             done = subprocess.run(words, cwd=folder, text=True, capture_output=True)
             if done.returncode != 0:
                 fault = (done.stderr or done.stdout).strip()[-500:]
-                raise RuntimeError(f"linuxcnc: {' '.join(words)} failed: {fault}")
+                raise ValueError(f"linuxcnc: {' '.join(words)} failed: {fault}")
         _run(folder, longest)
         return _read(folder)
 
@@ -159,26 +159,26 @@ def _run(folder: Path, longest: float) -> None:
     )
     said = folder / "errors.txt"
     if not said.exists():
-        raise RuntimeError(f"linuxcnc: it did not start: {(done.stdout + done.stderr)[-800:]}")
+        raise ValueError(f"linuxcnc: it did not start: {(done.stdout + done.stderr)[-800:]}")
     if errors := said.read_text().strip():
-        raise RuntimeError(f"linuxcnc: {errors}")
+        raise ValueError(f"linuxcnc: {errors}")
 
 
 def _read(folder: Path) -> RealRun:
     lines = (folder / "samples.txt").read_text().splitlines()
     if any("overrun" in line for line in lines):
-        raise RuntimeError("linuxcnc: samples of the servo thread were lost")
+        raise ValueError("linuxcnc: samples of the servo thread were lost")
     rows = np.array([line.split() for line in lines], float)
     number, values, status = rows[:, 0], 1e-3 * rows[:, 1:-1], rows[:, -1]
     if np.any(np.diff(number) != 1.0):
-        raise RuntimeError("linuxcnc: samples of the servo thread were lost")
+        raise ValueError("linuxcnc: samples of the servo thread were lost")
     if np.any(status == STATUS_TRIPPED):
-        raise RuntimeError("linuxcnc: the law tripped")
+        raise ValueError("linuxcnc: the law tripped")
     axes = values.shape[1] // 2
     command, tool = values[:, :axes], values[:, axes:]
     moves = np.flatnonzero(np.abs(np.diff(command, axis=0)).max(axis=1) > STILL)
     if moves.size == 0:
-        raise RuntimeError("linuxcnc: the program moves nothing")
+        raise ValueError("linuxcnc: the program moves nothing")
     first, last = moves[0], moves[-1] + 1
     after = min(len(command), last + 100)  # what is left of the motion settles
     return RealRun(command[first:after], tool[first:after], int(last - first))
