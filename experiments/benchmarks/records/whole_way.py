@@ -35,6 +35,7 @@ from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.excitation import Excited, program
 from jcontour.app.machines.identified import machine_fields
+from jcontour.app.machines.machine_behaviour import response as model_response
 from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.loops.bending import with_held_end
 from jcontour.app.runs.stored_loops import stored_tuning
@@ -344,10 +345,9 @@ def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) 
     """Ms on the true response, an axis at a time."""
     model = loop.machine.model
     w = np.union1d(GRID, np.pi * np.geomspace(0.02, 0.5, 400))
-    A, B, C = (np.asarray(one) for one in (model.A, model.B, model.C))
-    own = np.array([C @ np.linalg.solve(np.exp(1j * one) * np.eye(len(A)) - A, B) for one in w])
+    hertz, exact = w / (2 * np.pi * model.dt), np.zeros(len(w))
     lines = tuple(
-        Lines(w, response(axis, model.dt, w) / own[:, k, k] - 1, np.zeros(len(w)))
+        Lines(w, response(axis, model.dt, w) / model_response(model, k, hertz) - 1, exact)
         for k, axis in enumerate(axes)
     )
     still = ResponseUncertainty(np.ones(1), np.zeros((1, len(axes))), lines)
