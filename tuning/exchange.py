@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.sensitivity import probe_windows
+from jcontour.linear.plant import ROUNDING
 from jcontour.motion.references import Reference
 from tuning.descents.descent import Descent
 from tuning.loops import Looked, ProbedLoops
@@ -109,7 +110,7 @@ def _look(
         one = eqx.tree_at(lambda problem: problem.loops.windows, problem, block)
         looked, _ = looked_at(one, start, z)
         assert looked.loops is not None
-        lost = ~np.all(looked.loops.spectral_radius < 1, axis=1)
+        lost = ~np.all(looked.loops.spectral_radius < 1 - ROUNDING, axis=1)
         unstable[:, k : k + few] = np.reshape(lost, rows.shape)
         excess[:, k : k + few] = np.reshape(_excess(problem.limits, looked), rows.shape)
     return unstable, excess

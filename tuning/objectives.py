@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.linear.plant import ROUNDING
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 
@@ -67,11 +68,11 @@ class Outcome(NamedTuple):
 
     @property
     def diverged(self) -> Bool[Array, ""]:
-        """Whether any run diverges, or any frozen loop is unstable."""
+        """Whether any run diverges, or any frozen loop is unstable as far as a double can tell."""
         lost = jnp.any(self.metrics.diverged)
         if self.loops is None:
             return lost
-        return lost | ~jnp.all(self.loops.spectral_radius < 1)
+        return lost | ~jnp.all(self.loops.spectral_radius < 1 - ROUNDING)
 
 
 Objective = Callable[[Outcome], Float[Array, "g v"]]

@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour.linear.plant import ROUNDING
 from tuning.descents.descent import Descent, begin, descend
 from tuning.descents.quadratic_step import Model
 from tuning.descents.stabilise import TRIES, Measured, landed, loop_radii, outside, stabilised
@@ -37,7 +38,6 @@ from tuning.point import (
 from tuning.problem import THOROUGH, Effort, Problem
 
 IN_ONE_STEP = 2  # evaluations, at most
-STILL = 1e-9  # from 1: a spectral radius that rounding alone sets apart from 1
 SAME = 0.05  # in z: a descent this near to the best point, and no better, ends where that one did
 
 
@@ -328,7 +328,7 @@ def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
     weights = Chart(problem.space, start).weights(jnp.asarray(state.least_z))
     numbers = jax.tree.map(lambda w: np.array2string(np.asarray(w), precision=4), weights)
     place = f"found at {numbers}"
-    if abs(state.least_radius - 1) < STILL:
+    if abs(state.least_radius - 1) < ROUNDING:
         return (
             "no start is stable: the frozen loops keep a mode that neither decays nor grows, as a "
             f"counter in the memory of the controller (spectral radius 1, {place}); what counts "

@@ -125,10 +125,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _lost(raised: Any) -> None:
-    """What a destructor or a callback raised; an interruption that fell into one comes again.
-
-    After one, objects that it left half made complain: that is no news.
-    """
+    """What a destructor raised: an interruption comes again, objects left half made are no news."""
     if issubclass(raised.exc_type, KeyboardInterrupt):
         threading.Timer(0.01, _thread.interrupt_main).start()
     elif not _interruptions:

@@ -169,7 +169,8 @@ def outcome_outcome(lost, radii):
         (False, None, False),
         (True, None, True),
         (False, [0.5, 0.999], False),
-        (False, [0.5, 1.0], True),
+        (False, [0.5, 1 - 1e-7], False),
+        (False, [0.5, 1 - 3e-9], True),  # a controller with such an observer cannot be built
         (False, [0.5, np.nan], True),
         (True, [0.5, 0.5], True),
     ],
