@@ -4,19 +4,8 @@ import numpy as np
 import pytest
 
 from jcontour.app.files.checks import MachineError
+from jcontour.app.machines import uncertainty
 from jcontour.app.machines.from_file import stated_uncertainty
-from jcontour.app.machines.uncertainty import (
-    FARTHEST,
-    IN_FILE,
-    SAMPLES,
-    Uncertainty,
-    assumed,
-    family_members,
-    random_members,
-    rounding_noise,
-    sensor_noise,
-    unsure_resonances,
-)
 from jcontour.linear.continuous_axes import speed_axis, with_resonance
 from jcontour.linear.plant import LinearPlant
 
@@ -31,12 +20,12 @@ SPEED, POSITION = drives(1.0, DT), drives(0.9, 0.1)
 
 
 def test_a_file_that_states_nothing_has_the_usual():
-    assert stated_uncertainty(None, SPEED) == (0.1, 1, None, IN_FILE)
+    assert stated_uncertainty(None, SPEED) == (0.1, 1, None, uncertainty.IN_FILE)
     assert stated_uncertainty(None, POSITION) == (
         0.0,
         1,
         None,
-        IN_FILE,
+        uncertainty.IN_FILE,
     )  # its own encoder is followed
     assert stated_uncertainty({}, SPEED) == (0.0, 0, None, "")
     assert stated_uncertainty({"gain": 0.2, "delay": 3}, POSITION) == (0.2, 3, None, "")
@@ -65,27 +54,29 @@ def test_what_is_impossible_is_refused(given, says):
 
 
 def test_gains_are_off_in_opposite_ways():
-    members = family_members(3, Uncertainty(0.1, 2))
+    members = uncertainty.family_members(3, uncertainty.Uncertainty(0.1, 2))
     assert [one.late for one in members] == [0, 0, 0, 1, 2]
     np.testing.assert_allclose(members[1].gains, [1.1, 0.9, 1.1])
     np.testing.assert_allclose(members[2].gains, [0.9, 1.1, 0.9])
-    assert [one.name for one in family_members(2, Uncertainty(0.0, 1))] == [
+    assert [one.name for one in uncertainty.family_members(2, uncertainty.Uncertainty(0.0, 1))] == [
         "nominal",
         "1 sample late",
     ]
 
 
 def test_random_gains_and_delays_fill_their_intervals():
-    names, gains, delays = zip(*random_members(400, 0, 2, Uncertainty(0.1, 2)), strict=True)
+    names, gains, delays = zip(
+        *uncertainty.random_members(400, 0, 2, uncertainty.Uncertainty(0.1, 2)), strict=True
+    )
     assert 0.09 < np.abs(np.array(gains) - 1).max() <= 0.1 + 1e-12
     assert 0 <= min(delays) < 0.1 and 1.9 < max(delays) <= 2
     assert names[-1] == "gains 1.1, 1.1, 2 samples late"
 
 
 def test_the_line_of_what_is_assumed():
-    line = assumed("mill", 0.1, 1, "UNCERTAINTY =")
+    line = uncertainty.assumed("mill", 0.1, 1, "UNCERTAINTY =")
     assert "gains 10 % off both ways and a sample of delay more" in line
-    assert "gains" not in assumed("mill", 0.0, 1, "UNCERTAINTY =").split(";")[0]
+    assert "gains" not in uncertainty.assumed("mill", 0.0, 1, "UNCERTAINTY =").split(";")[0]
 
 
 HERTZ, Z = 80.0, 0.03
@@ -99,7 +90,7 @@ def ring(hertz, damping, places):
 
 @pytest.mark.parametrize("part", [0.02, 0.1])
 def test_every_resonance_that_there_may_be_is_inside_and_one_is_at_the_edge(part):
-    field = unsure_resonances((0.0, HERTZ), Z, part, DT)
+    field = uncertainty.unsure_resonances((0.0, HERTZ), Z, part, DT)
     places, relative = np.array(field["hertz"]), np.array(field["relative"])
     assert np.all(np.diff(places) > 0) and places[-1] < 500 and places[0] == HERTZ / 10
     assert not relative[0].any()
@@ -116,35 +107,36 @@ def test_every_resonance_that_there_may_be_is_inside_and_one_is_at_the_edge(part
 
 
 def test_resonances_of_both_axes_are_told_at_the_places_of_both():
-    both = unsure_resonances((60.0, HERTZ), Z, 0.05, DT)
-    alone = unsure_resonances((60.0, 0.0), Z, 0.05, DT)
+    both = uncertainty.unsure_resonances((60.0, HERTZ), Z, 0.05, DT)
+    alone = uncertainty.unsure_resonances((60.0, 0.0), Z, 0.05, DT)
     at = np.array(both["relative"])[0, np.isin(both["hertz"], alone["hertz"])]
     assert np.allclose(at, alone["relative"][0]) and len(both["hertz"]) > len(alone["hertz"])
 
 
 def test_it_is_what_rounding_leaves_of_a_position_that_moves():
     """Even within half a count: its deviation is resolution / sqrt(12), and it is white."""
-    noise = np.asarray(rounding_noise(2, 3e-6)) / 3e-6
-    assert noise.shape == (SAMPLES, 2) and np.abs(noise).max() <= 0.5
+    noise = np.asarray(uncertainty.rounding_noise(2, 3e-6)) / 3e-6
+    assert noise.shape == (uncertainty.SAMPLES, 2) and np.abs(noise).max() <= 0.5
     np.testing.assert_allclose(noise.std(axis=0), 1 / np.sqrt(12), rtol=0.03)
-    assert np.abs(noise.mean(axis=0)).max() < 4 / np.sqrt(12 * SAMPLES)
+    assert np.abs(noise.mean(axis=0)).max() < 4 / np.sqrt(12 * uncertainty.SAMPLES)
     correlation = np.mean(noise[1:] * noise[:-1], axis=0) * 12
-    assert np.abs(correlation).max() < 4 / np.sqrt(SAMPLES)
-    assert abs(np.mean(noise[:, 0] * noise[:, 1])) * 12 < 4 / np.sqrt(SAMPLES)
+    assert np.abs(correlation).max() < 4 / np.sqrt(uncertainty.SAMPLES)
+    assert abs(np.mean(noise[:, 0] * noise[:, 1])) * 12 < 4 / np.sqrt(uncertainty.SAMPLES)
 
 
 def test_every_position_has_its_own_count():
     mixed, fine, coarse = (
-        np.asarray(rounding_noise(2, counts)) for counts in (np.array([1e-6, 5e-6]), 1e-6, 5e-6)
+        np.asarray(uncertainty.rounding_noise(2, counts))
+        for counts in (np.array([1e-6, 5e-6]), 1e-6, 5e-6)
     )
     np.testing.assert_array_equal(mixed, np.stack([fine[:, 0], coarse[:, 1]], axis=1))
     assert mixed.std(axis=0) == pytest.approx(np.array([1e-6, 5e-6]) / np.sqrt(12), rel=0.03)
 
 
 def test_sensors_have_white_noise_with_a_bound():
-    noise = np.asarray(sensor_noise(2, np.array([3e-7, 0.0])))
-    assert noise.shape == (SAMPLES, 2) and not noise[:, 1].any()
+    noise = np.asarray(uncertainty.sensor_noise(2, np.array([3e-7, 0.0])))
+    assert noise.shape == (uncertainty.SAMPLES, 2) and not noise[:, 1].any()
     scaled = noise[:, 0] / 3e-7
-    assert np.abs(scaled).max() == pytest.approx(FARTHEST)  # of 8192 some 22 are beyond
+    assert np.abs(scaled).max() == pytest.approx(uncertainty.FARTHEST)  # of 8192 some 22 are beyond
     assert scaled.std() == pytest.approx(1.0, rel=0.03)
-    assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4 / np.sqrt(SAMPLES)
+    assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4 / np.sqrt(uncertainty.SAMPLES)

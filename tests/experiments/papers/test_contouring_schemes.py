@@ -4,41 +4,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.papers.contouring_schemes import experiment as paper
 from experiments.papers.contouring_schemes.claims import claims, tables, tuning
-from experiments.papers.contouring_schemes.experiment import (
-    CASCADE,
-    CONSTANT,
-    MODEL_ERRORS,
-    PRECOMPENSATION,
-    SHAPING,
-    START,
-    STRONG,
-    TASK_FRAME,
-    TUNED_ON,
-    VARIABLE,
-    Result,
-    Row,
-    TunedScheme,
-    held_out,
-    run_along,
-    schemes,
-    training,
-)
 from experiments.papers.verdicts import Verdict
 from experiments.tables import Table, stored
 
 YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED
-NAMES = ("start", CASCADE, CONSTANT, VARIABLE, TASK_FRAME, PRECOMPENSATION, SHAPING)
+NAMES = (
+    "start",
+    paper.CASCADE,
+    paper.CONSTANT,
+    paper.VARIABLE,
+    paper.TASK_FRAME,
+    paper.PRECOMPENSATION,
+    paper.SHAPING,
+)
 GOOD = dict(zip(NAMES, (90.0, 30.0, 33.0, 20.0, 31.0, 20.0, 20.5), strict=True))  # [um]
 BAD = dict(zip(NAMES, (90.0, 30.0, 33.0, 40.0, 15.0, 25.0, 50.0), strict=True))
 
 
 def made_up(errors, tracking=None):
     """A result with these contour errors [um] on every contour and machine."""
-    tracking, trained = tracking or dict.fromkeys(errors, 100.0), training()
-    contours = (*trained, *held_out())
+    tracking, trained = tracking or dict.fromkeys(errors, 100.0), paper.training()
+    contours = (*trained, *paper.held_out())
     rows = tuple(
-        Row(
+        paper.Row(
             scheme=scheme,
             contour=contour,
             training=contour in trained,
@@ -53,20 +43,20 @@ def made_up(errors, tracking=None):
         )
         for scheme, error in errors.items()
         for contour in contours
-        for plant in MODEL_ERRORS
+        for plant in paper.MODEL_ERRORS
     )
     tuned = tuple(
-        TunedScheme(
+        paper.TunedScheme(
             scheme=name,
             cascade={},
             gains=[],
-            feasible=name != TASK_FRAME,
+            feasible=name != paper.TASK_FRAME,
             best_um=[3.0, 2.0, 1.0],
         )
         for name in errors
         if name != "start"
     )
-    return Result(False, tuned, rows)
+    return paper.Result(False, tuned, rows)
 
 
 def verdicts(result):
@@ -74,7 +64,7 @@ def verdicts(result):
 
 
 def test_verdicts_follow_the_numbers():
-    tracking = {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}
+    tracking = {**dict.fromkeys(GOOD, 100.0), paper.VARIABLE: 200.0}
     assert verdicts(made_up(GOOD, tracking)) == [YES, YES, YES, NO, YES, YES]
     assert verdicts(made_up(BAD)) == [NO] * 6
 
@@ -82,7 +72,7 @@ def test_verdicts_follow_the_numbers():
 def test_a_diverged_run_never_wins():
     result = made_up(GOOD)
     rows = tuple(
-        replace(row, diverged=row.scheme == VARIABLE and row.contour == "wave")
+        replace(row, diverged=row.scheme == paper.VARIABLE and row.contour == "wave")
         for row in result.rows
     )
     assert verdicts(replace(result, rows=rows))[:2] == [NO] * 2
@@ -98,7 +88,7 @@ def test_shown_with_its_rules_and_its_outcome():
     assert "no gains within the limits were found for task frame" in text
     rows = {one["title"]: one["cells"] for one in stored(parts)}
     assert rows["Held-out contours, nominal, stick and slip"][1][:2] == [
-        CASCADE,
+        paper.CASCADE,
         "30",
     ]
     assert rows["Training contours, nominal, stick and slip"][0][5] == "-"
@@ -114,25 +104,28 @@ def test_curves_are_the_best_values_of_the_descents():
 
 
 def test_schemes_are_those_of_the_catalogue_around_the_same_cascade():
-    own = {name: scheme.names for name, scheme in schemes().items()}
+    own = {name: scheme.names for name, scheme in paper.schemes().items()}
     assert own == {
-        CASCADE: (),
-        CONSTANT: ("cross", "cross_integral", "cross_derivative"),
-        VARIABLE: ("cross", "cross_integral", "cross_derivative"),
-        TASK_FRAME: (),
-        PRECOMPENSATION: ("precompensation",),
-        SHAPING: ("shaping",),
+        paper.CASCADE: (),
+        paper.CONSTANT: ("cross", "cross_integral", "cross_derivative"),
+        paper.VARIABLE: ("cross", "cross_integral", "cross_derivative"),
+        paper.TASK_FRAME: (),
+        paper.PRECOMPENSATION: ("precompensation",),
+        paper.SHAPING: ("shaping",),
     }
-    weights = schemes()[CONSTANT].around(START, STRONG)
-    assert weights.cascade is START
+    weights = paper.schemes()[paper.CONSTANT].around(paper.START, paper.STRONG)
+    assert weights.cascade is paper.START
     np.testing.assert_allclose(weights.scheme, [30.0, 30.0, 0.1])
-    assert TUNED_ON == tuple(MODEL_ERRORS)[:2] and MODEL_ERRORS[TUNED_ON[1]].late == 1
+    assert (
+        paper.TUNED_ON == tuple(paper.MODEL_ERRORS)[:2]
+        and paper.MODEL_ERRORS[paper.TUNED_ON[1]].late == 1
+    )
 
 
 def test_runs_are_from_rest_to_rest_and_held_out_contours_are_new():
-    assert not set(training()) & set(held_out())
-    for contour in (*training().values(), *held_out().values()):
-        reference = run_along(contour)
+    assert not set(paper.training()) & set(paper.held_out())
+    for contour in (*paper.training().values(), *paper.held_out().values()):
+        reference = paper.run_along(contour)
         assert not np.any(np.asarray(reference.start_increment))
         position = np.asarray(reference.position)
         np.testing.assert_allclose(position[-1], position[-100], atol=1e-12)

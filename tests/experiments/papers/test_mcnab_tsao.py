@@ -9,16 +9,8 @@ import numpy as np
 import pytest
 
 from experiments.papers.mcnab_tsao import experiment
+from experiments.papers.mcnab_tsao import experiment as paper
 from experiments.papers.mcnab_tsao.claims import claims, table_1
-from experiments.papers.mcnab_tsao.experiment import (
-    FAMILY,
-    RHO,
-    THEOREM_WEIGHTS,
-    Case,
-    Setup,
-    any_horizon,
-    radii_on_lines,
-)
 from experiments.papers.verdicts import Verdict
 from jcontour.analysis.stability import frozen_spectral_radii
 from jcontour.app.files.results.stored import to_json
@@ -33,7 +25,7 @@ YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODU
 
 @pytest.fixture(scope="module")
 def setup():
-    return Setup()
+    return paper.Setup()
 
 
 @pytest.fixture(scope="module")
@@ -44,16 +36,16 @@ def result():
 def test_family_of_the_reference_numbers():
     family = numbers_of("mcnab/tuning")["robust"]["family"]
     wanted = [(m["gx"], m["gy"], m["delay"]) for m in family]
-    assert [pytest.approx(astuple(member)[1:]) for member in FAMILY] == wanted
+    assert [pytest.approx(astuple(member)[1:]) for member in paper.FAMILY] == wanted
 
 
 @pytest.mark.parametrize(
     "case, te, ce",
     [
-        (Case("output", 8.0, 0.0), 1.872, 1.266),
-        (Case("output", 1.2, 20.0), 16.184, 0.341),
-        (Case("dare", 3.0, 0.0), 3.378, 2.903),
-        (Case("dare", 0.25, 15.0), 11.154, 0.602),
+        (paper.Case("output", 8.0, 0.0), 1.872, 1.266),
+        (paper.Case("output", 1.2, 20.0), 16.184, 0.341),
+        (paper.Case("dare", 3.0, 0.0), 3.378, 2.903),
+        (paper.Case("dare", 0.25, 15.0), 11.154, 0.602),
     ],
 )
 def test_cases_of_table_1_in_steady_state(setup, case, te, ce):
@@ -65,7 +57,7 @@ def test_u_shape_falls_then_rises_then_loses_stability(setup):
     wanted = numbers_of("mcnab/tuning")["robust"]["u_shape"]
     runs = {}
     for alpha in [*wanted["alpha"], 20.0]:
-        plan = setup.plan(Case("output", alpha, 0.0), setup.circle)
+        plan = setup.plan(paper.Case("output", alpha, 0.0), setup.circle)
         runs[alpha] = setup.run(plan, setup.circle)[0][-1]  # the latest
     for alpha, te, ce in zip(wanted["alpha"], wanted["te_um"], wanted["ce_um"], strict=True):
         assert (runs[alpha].te_um, runs[alpha].ce_um) == pytest.approx((te, ce), abs=0.00501)
@@ -82,7 +74,7 @@ def test_u_shape_falls_then_rises_then_loses_stability(setup):
 )
 def test_one_recursion_gives_the_radii_of_all_horizons(setup, row):
     weights = LQWeights(row["alpha"], row["beta"], row["rho"])
-    radii = radii_on_lines(setup.model, weights, np.deg2rad(row["theta_deg"]), 50)
+    radii = paper.radii_on_lines(setup.model, weights, np.deg2rad(row["theta_deg"]), 50)
     radius = radii[np.array(row["Np"]) - 1, ("output", "dare").index(row["terminal"])]
     np.testing.assert_allclose(radius, row["radius"], rtol=1e-6)
 
@@ -92,21 +84,23 @@ def test_one_recursion_gives_the_radii_of_all_horizons(setup, row):
     [("output", 1), ("dare", 4)],
 )
 def test_any_horizon_is_contouring_lq(setup, terminal, horizon):
-    weights, end = LQWeights(0.25, 15.0, RHO), setup.terminals[terminal]
+    weights, end = LQWeights(0.25, 15.0, paper.RHO), setup.terminals[terminal]
     plain = prepared(ContouringLQ(setup.model, weights, horizon, end), setup.circle)
-    shared = any_horizon(setup.model, weights, jnp.asarray(horizon), end, setup.circle)
+    shared = paper.any_horizon(setup.model, weights, jnp.asarray(horizon), end, setup.circle)
     for part in ("F", "f"):
         difference = np.max(np.abs(np.subtract(getattr(shared, part), getattr(plain, part))))
         assert difference < 1e-11 * np.max(np.abs(getattr(plain, part)))
 
 
-@pytest.mark.parametrize("member, machine", list(enumerate(FAMILY))[2:])
+@pytest.mark.parametrize("member, machine", list(enumerate(paper.FAMILY))[2:])
 def test_frozen_radius_is_that_of_the_library(setup, member, machine):
-    case = Case("output", 1.2, 5.0)
+    case = paper.Case("output", 1.2, 5.0)
     plant = setup.perturbed[member]
     if machine.delay:
         plant = Delayed(plant, jnp.asarray(machine.delay), machine.delay, 2)
-    controller = ContouringLQ(setup.model, LQWeights(case.alpha, case.beta, RHO), case.preview)
+    controller = ContouringLQ(
+        setup.model, LQWeights(case.alpha, case.beta, paper.RHO), case.preview
+    )
     library = frozen_spectral_radii(plant, controller, setup.circle)[502:753:5].max()
     F = np.asarray(setup.plan(case, setup.circle).F)[502:753:5]
     assert setup.frozen_radius(F)[member] == pytest.approx(library, rel=1e-9)
@@ -129,7 +123,7 @@ def test_theorem_1(result):
     assert result.radii[:, 1].max() < 0.89
     sets, terminals, horizons = np.nonzero(result.radii >= 1)
     assert len(sets) == 22 and not terminals.any() and not horizons.any()  # output terminal, one
-    assert all(THEOREM_WEIGHTS[one][2] < 1e-10 for one in sets)
+    assert all(paper.THEOREM_WEIGHTS[one][2] < 1e-10 for one in sets)
 
 
 @pytest.mark.slow
@@ -149,7 +143,7 @@ def test_verdicts(result):
 
 
 def test_a_diverged_machine_has_no_numbers(setup):
-    case = Case("output", 20.0, 0.0)
+    case = paper.Case("output", 20.0, 0.0)
     machines, _ = setup.run(setup.plan(case, setup.circle), setup.circle)
     assert [machine.diverged for machine in machines] == [False, False, False, False, True]
     assert machines[-1].te_um == np.inf and not machines[-1].stable

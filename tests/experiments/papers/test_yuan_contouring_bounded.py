@@ -8,29 +8,9 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_contouring_bounded import experiment as paper
 from experiments.papers.yuan_contouring_bounded.claims import claims, errors
 from experiments.papers.yuan_contouring_bounded.controllers import controller, random_forces
-from experiments.papers.yuan_contouring_bounded.experiment import (
-    ATTACKED,
-    CEBC1,
-    CEBC2,
-    EVERY,
-    EXACT,
-    FOUR,
-    FRICTION,
-    GANTRY,
-    GUIDES,
-    LATE_TRACKED,
-    ONE,
-    QUICK_STEPS,
-    RUBBED,
-    TRACKED,
-    LoopRow,
-    Result,
-    loop_row,
-    ring_polygons,
-    run,
-)
 from experiments.papers.yuan_contouring_bounded.tubes import POINTS, driven, tube
 from experiments.papers.yuan_gantry.experiment import SAMPLE
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
@@ -41,18 +21,18 @@ CASES = numbers_of("guarantees/polygons")
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 
-def row(name: str, models: str, promised: float, **others) -> LoopRow:
+def row(name: str, models: str, promised: float, **others) -> paper.LoopRow:
     """A made-up run that reaches nine tenths of its promise."""
-    return LoopRow(
+    return paper.LoopRow(
         **{
             "name": name,
             "models": models,
-            "machine": GANTRY,
-            "acting": ATTACKED,
+            "machine": paper.GANTRY,
+            "acting": paper.ATTACKED,
             "states": 6,
             "promised_um": promised,
             "reached_um": 0.9 * promised,
-            "promised_axes_um": (30.0, 10.0) if name == CEBC1 else None,
+            "promised_axes_um": (30.0, 10.0) if name == paper.CEBC1 else None,
             "reached_axes_um": (20.0, 9.0),
             "promised_twist_urad": 20.0,
             "reached_twist_urad": 10.0,
@@ -70,26 +50,26 @@ def row(name: str, models: str, promised: float, **others) -> LoopRow:
     )
 
 
-def made_up() -> Result:
-    return Result(
+def made_up() -> paper.Result:
+    return paper.Result(
         sides=(10, 11),
         printed_side_mm=79.9,
         loops=(
-            row(CEBC1, FOUR, 40.0),
-            row(CEBC2, ONE, 5.0),
-            row(CEBC2, FOUR, 4.0),
-            row(CEBC2, EVERY, 3.0),
-            row(CEBC2, EVERY, 4.0, machine=GUIDES, acting=FRICTION),
-            row(CEBC2, EVERY, 10.0, states=9),
+            row(paper.CEBC1, paper.FOUR, 40.0),
+            row(paper.CEBC2, paper.ONE, 5.0),
+            row(paper.CEBC2, paper.FOUR, 4.0),
+            row(paper.CEBC2, paper.EVERY, 3.0),
+            row(paper.CEBC2, paper.EVERY, 4.0, machine=paper.GUIDES, acting=paper.FRICTION),
+            row(paper.CEBC2, paper.EVERY, 10.0, states=9),
         ),
     )
 
 
-def verdicts(result: Result) -> dict[str, Verdict]:
+def verdicts(result: paper.Result) -> dict[str, Verdict]:
     return {one.claim: one.verdict for one in claims(result)}
 
 
-def without(result: Result, place: int, **others) -> dict[str, Verdict]:
+def without(result: paper.Result, place: int, **others) -> dict[str, Verdict]:
     loops = list(result.loops)
     loops[place] = replace(loops[place], **others)
     return verdicts(replace(result, loops=tuple(loops)))
@@ -136,13 +116,13 @@ def test_a_quick_run_says_nothing_of_what_it_leaves_out():
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case['R']}-{case['eps']}")
 def test_side_numbers_are_the_reference(case):
-    inner, outer, vertex, _ = ring_polygons(case["R"], case["eps"])
+    inner, outer, vertex, _ = paper.ring_polygons(case["R"], case["eps"])
     assert (inner, outer) == (case["n_in"], case["n_out"])
     assert vertex == pytest.approx(case["l_vert"], rel=1e-12)
 
 
 def test_polygons_of_algorithm_2():
-    inner, outer, _, side = ring_polygons(0.08, 4e-3)
+    inner, outer, _, side = paper.ring_polygons(0.08, 4e-3)
     assert (inner, outer) == (10, 11)
     assert side > 0.08 > 0.084 * np.cos(np.pi / 10)
 
@@ -154,7 +134,7 @@ def test_every_run_has_its_panel():
 
 
 def test_parts_hold_every_state_and_motor_once():
-    for design in (EXACT, TRACKED, LATE_TRACKED):
+    for design in (paper.EXACT, paper.TRACKED, paper.LATE_TRACKED):
         states = sorted(state for part in design.parts for state in part.states)
         motors = sorted(motor for part in design.parts for motor in part.inputs)
         assert states == list(range(6 + 3 * design.late)) and motors == [0, 1, 2]
@@ -179,7 +159,7 @@ def test_models_switch_half_way_between_the_places_of_linearisation():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("design", [EXACT, LATE_TRACKED])
+@pytest.mark.parametrize("design", [paper.EXACT, paper.LATE_TRACKED])
 def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
     """One sample of the gantry from corners of the tube, motors at their worst."""
     closed, rng = tube(design), np.random.default_rng(1)
@@ -206,24 +186,27 @@ def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
 
 @pytest.mark.slow
 def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
-    result = run(quick=True)
+    result = paper.run(quick=True)
     for one in result.loops:
-        assert one.kept and one.samples == QUICK_STEPS
+        assert one.kept and one.samples == paper.QUICK_STEPS
         assert one.motor_share <= 1 + 1e-9 and one.remainder_share <= 1
-    exact, late = result.loop(CEBC2, EVERY), result.loop(CEBC2, EVERY, late=True)
+    exact, late = (
+        result.loop(paper.CEBC2, paper.EVERY),
+        result.loop(paper.CEBC2, paper.EVERY, late=True),
+    )
     for one in (exact, late):
         assert one.promised_um <= 200.0 and one.reached_um >= 0.9 * one.promised_um
 
 
 @pytest.mark.slow
 def test_friction_is_inside_its_box():
-    row = loop_row(RUBBED, GUIDES, FRICTION, 700)
+    row = paper.loop_row(paper.RUBBED, paper.GUIDES, paper.FRICTION, 700)
     assert row.kept and row.motor_share <= 1 and row.remainder_share <= 1
 
 
 @pytest.mark.slow
 def test_a_controller_states_what_it_keeps():
-    whole, promise = controller(tube(TRACKED))
+    whole, promise = controller(tube(paper.TRACKED))
     assert promise.axes is not None
     assert promise.contour == pytest.approx(sum(promise.axes), rel=1e-12)
     assert len(whole.controllers) == 2

@@ -22,13 +22,6 @@ WEIGHTS = np.array([1.0, 5.0, 1e-10])
 PROFILE = np.array([0.5, 1.0, 1.5, 2.0])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _unchanged_annotations(request):
-    """The hook that checks types wraps functions whose annotations Warp reads itself."""
-    if request.config.getoption("--jaxtyping-packages", None):
-        pytest.skip("kernels cannot be compiled under the hook that checks types")
-
-
 @pytest.fixture(scope="module")
 def case():
     """A machine that does not say that its axes are decoupled, a family of it, and two runs."""

@@ -22,13 +22,6 @@ STEPS, N = 60, 4
 WEIGHTS = np.array([[1.0, 5.0, 1e-10], [0.2, 9.0, 1e-11]])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _unchanged_annotations(request):
-    """The hook that checks types wraps functions whose annotations Warp reads itself."""
-    if request.config.getoption("--jaxtyping-packages", None):
-        pytest.skip("kernels cannot be compiled under the hook that checks types")
-
-
 @pytest.fixture(scope="module")
 def references():
     table = machines()[0]

@@ -19,18 +19,7 @@ from jcontour.app.machines.gantry import gantry_machine
 from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.machines.own_plant import machine_of
-from jcontour.app.runs.loops.learning import (
-    BestLap,
-    Learner,
-    Setting,
-    linear_nominal,
-    noisy,
-    prepared_law,
-    read_anew,
-    setting,
-    shifted,
-    stored_lap,
-)
+from jcontour.app.runs.loops import learning
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.laps import (
     PType,
@@ -60,7 +49,7 @@ def learned_axis():
         line([0.0], [0.05]), lambda t: 0.05 * np.clip(t / 0.1, 0, 1), 0.15, DT, 1, dwell=0.05
     )
     cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), DT)
-    return Setting(thesis_machine(), cascade, "outputs", reference)
+    return learning.Setting(thesis_machine(), cascade, "outputs", reference)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +59,7 @@ def gantry():
     design = design_for(machine, Simulate(controller="cascade"))
     path = circle(10e-3, centre=(-0.4, 0.0))
     reference = along(path, 2e-5 * np.arange(60), DT, design.preview, at_rest=True)
-    return Setting(machine, design.build(design.start), design.fed, reference)
+    return learning.Setting(machine, design.build(design.start), design.fed, reference)
 
 
 def test_linear_members_are_named_like_the_family(learned_axis):
@@ -78,7 +67,7 @@ def test_linear_members_are_named_like_the_family(learned_axis):
         learned_axis.machine.family_names
     )
     for machine in (biaxial_machine(), bridgeport_machine(), gantry_machine()):
-        one = Setting(machine, learned_axis.controller, "outputs", learned_axis.reference)
+        one = learning.Setting(machine, learned_axis.controller, "outputs", learned_axis.reference)
         assert len(machine.linear_family("outputs", one.path)) == len(machine.family_names)
     assert Member("nominal", 1.0, 1.0, 0) == learned_axis.machine.members[0]
 
@@ -86,7 +75,7 @@ def test_linear_members_are_named_like_the_family(learned_axis):
 def test_noise_is_within_half_a_count_and_another_in_every_lap(learned_axis):
     half = learned_axis.machine.encoder_resolution / 2
     first, again, second = (
-        np.asarray(noisy(learned_axis, 0)(np.asarray(k)).plant.noise) for k in (0, 0, 1)
+        np.asarray(learning.noisy(learned_axis, 0)(np.asarray(k)).plant.noise) for k in (0, 0, 1)
     )
     np.testing.assert_array_equal(first, again)
     assert np.abs(first).max() <= half and not np.array_equal(first, second)
@@ -116,7 +105,7 @@ def test_the_linear_gantry_is_the_gantry_on_a_small_part(gantry):
     """They differ by the head's way along the beam and by squares of the twist."""
     runs = [
         jax.jit(simulate)(plant, gantry.controller, gantry.reference)
-        for plant in (linear_nominal(gantry), gantry.machine.nominal())
+        for plant in (learning.linear_nominal(gantry), gantry.machine.nominal())
     ]
     moved = np.ptp(np.asarray(runs[1].output), axis=0).max()
     assert moved > 5e-4
@@ -127,7 +116,7 @@ def test_the_linear_gantry_is_the_gantry_on_a_small_part(gantry):
 
 
 def test_noise_of_a_gantry_is_on_its_motors_positions_alone(gantry):
-    noise = np.asarray(noisy(gantry, 0)(jnp.asarray(0)).plant.plant.noise)
+    noise = np.asarray(learning.noisy(gantry, 0)(jnp.asarray(0)).plant.plant.noise)
     assert noise.shape == (gantry.shape[0], 6)
     assert 0 < np.abs(noise[:, :3]).max() <= gantry.machine.resolution / 2
     assert not np.any(noise[:, 3:])
@@ -138,7 +127,7 @@ def test_a_machine_without_linear_models_is_refused(learned_axis):
     design = design_for(thesis_machine(), Simulate()).replaced(machine=own)
     job = job_named("task-a", Pace(thesis_machine(), None, None))
     with pytest.raises(ValueError, match="flexible axes or a gantry, mine is none of them"):
-        setting(design, job)
+        learning.setting(design, job)
 
 
 def test_noise_of_every_axis_is_within_half_a_count_of_its_own():
@@ -146,8 +135,8 @@ def test_noise_of_every_axis_is_within_half_a_count_of_its_own():
     design = design_for(machine, Simulate(preview=3))
     path = line(np.zeros(2), np.ones(2))
     reference = along(path, np.zeros(200), machine.model.dt, design.preview, at_rest=True)
-    one = Setting(machine, design.build(design.start), "outputs", reference)
-    largest = np.abs(np.asarray(noisy(one, 0)(jnp.asarray(0)).noise)).max(axis=0)
+    one = learning.Setting(machine, design.build(design.start), "outputs", reference)
+    largest = np.abs(np.asarray(learning.noisy(one, 0)(jnp.asarray(0)).noise)).max(axis=0)
     halves = np.array([0.5e-6, 2.5e-6])
     assert np.all(largest <= halves) and np.all(largest > 0.9 * halves)
 
@@ -158,14 +147,14 @@ def table_with_noise(noise):
     design = design_for(machine, Simulate(preview=3))
     path = line(np.zeros(2), np.ones(2))
     reference = along(path, np.zeros(9000), machine.model.dt, design.preview, at_rest=True)
-    return Setting(machine, design.build(design.start), "outputs", reference)
+    return learning.Setting(machine, design.build(design.start), "outputs", reference)
 
 
 def test_a_plant_of_the_family_has_other_noise_in_every_lap_alike_on_all_plants():
     """Gaussian within three deviations, of every axis its own, in all samples of the lap."""
     one = table_with_noise(np.array([3e-6, 1e-6]))
     nominal, other = one.machine.true_family("outputs")[:2]
-    anew = read_anew(one, 4)
+    anew = learning.read_anew(one, 4)
     first, again, second = (np.asarray(anew(nominal, k).plant.noise) for k in (0, 0, 1))
     assert first.shape == (9000, 2)
     np.testing.assert_array_equal(first, again)
@@ -173,12 +162,12 @@ def test_a_plant_of_the_family_has_other_noise_in_every_lap_alike_on_all_plants(
     np.testing.assert_allclose(first.std(axis=0), [2.96e-6, 0.986e-6], rtol=0.03)
     assert np.all(np.abs(first) <= np.array([9e-6, 3e-6]))
     assert np.all(np.abs(np.mean(first * second, axis=0)) < 0.05 * first.var(axis=0))
-    assert not np.array_equal(first, read_anew(one, 5)(nominal, 0).plant.noise)
+    assert not np.array_equal(first, learning.read_anew(one, 5)(nominal, 0).plant.noise)
 
 
 def test_encoders_that_only_count_are_the_same_in_every_lap():
     plant = bridgeport_machine().true_family("outputs")[0]
-    assert read_anew(table_with_noise(0.0), 0)(plant, 3) is plant
+    assert learning.read_anew(table_with_noise(0.0), 0)(plant, 3) is plant
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +180,7 @@ def axis():
 
     reference = in_time(line([0.0], [0.05]), law, 0.45, DT, 1, dwell=0.05)
     cascade = Cascade(CascadeGains(30.0, 55.67, 0.04, feedforward=1.0), motors(1), DT)
-    return Setting(thesis_machine(), cascade, "outputs", reference)
+    return learning.Setting(thesis_machine(), cascade, "outputs", reference)
 
 
 def stiffnesses():
@@ -207,7 +196,7 @@ def axis_of(stiffness):
 @pytest.mark.slow
 def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
     """200 members with +-20 % stiffness: the bound of every one, and the laps of every one."""
-    prepared = prepared_law(axis, Learn())
+    prepared = learning.prepared_law(axis, Learn())
     known = prepared.convergence
     assert known.invariant and known.estimate < 1
     rows = jnp.asarray(stiffnesses())
@@ -240,14 +229,14 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
 
 @pytest.mark.slow
 def test_the_nominal_machine_falls_to_the_noise_within_eight_laps(axis):
-    law = prepared_law(axis, Learn()).law
-    run = axis.laps(noisy(axis, seed=3))
+    law = learning.prepared_law(axis, Learn()).law
+    run = axis.laps(learning.noisy(axis, seed=3))
     laps, _ = learn(run, law, 8, jnp.zeros(axis.shape))
     still = axis.laps(lambda lap: axis.machine.nominal("outputs"))
     first = still(jnp.zeros(axis.shape), jnp.zeros((), int)).output
     noise = float(jnp.sqrt(jnp.mean((laps.output[0] - first) ** 2)))
     assert noise > 0
-    assert Learner(axis, law, seed=3).noise() == pytest.approx(noise, rel=1e-6)
+    assert learning.Learner(axis, law, seed=3).noise() == pytest.approx(noise, rel=1e-6)
     # of the motor, which is measured; the tool swings on its spring
     rms = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
     read = axis.machine.encoder_resolution / np.sqrt(12)
@@ -277,7 +266,7 @@ def mill():
 
     path = line(np.zeros(2), np.array([3e-3, 4e-3]))
     reference = in_time(path, law, 0.1, DT, design.preview, dwell=0.0)
-    return Setting(machine, design.build(design.start), "outputs", reference), design.start
+    return learning.Setting(machine, design.build(design.start), "outputs", reference), design.start
 
 
 def lap_of_the_mill(start, wanted, correction, noise, gains):
@@ -298,8 +287,8 @@ def lap_of_the_mill(start, wanted, correction, noise, gains):
 def test_laps_of_the_family_are_those_of_numpy_with_noise_of_their_own():
     one, start = mill()
     law, laps = PType(0.2, 20, 1), 4
-    machines = Learner(one, law, seed=3).run(laps, lambda more: None)
-    anew, plant = read_anew(one, 3), one.machine.true_family("outputs")[0]
+    machines = learning.Learner(one, law, seed=3).run(laps, lambda more: None)
+    anew, plant = learning.read_anew(one, 3), one.machine.true_family("outputs")[0]
     wanted = 1e3 * np.asarray(one.reference.position[: one.shape[0]])
     for machine, factors in zip(machines[2:], ([1.0, 1.0], [1.1, 0.9], [0.9, 1.1]), strict=True):
         correction = np.zeros_like(wanted)
@@ -322,15 +311,15 @@ def test_a_shift_is_added_and_its_speed_and_acceleration_are_those_of_a_parabola
     place = np.column_stack([2 * time**2, np.zeros(101)])
     beyond = np.vstack([place, place[-1:] + [1e-3, 0.0]])  # the preview is left out
     reference = from_samples(beyond, np.tile([1.0, 0.0], (102, 1)), PERIOD, 1)
-    best = BestLap(3, 2e-6, np.full((101, 2), [-5e-6, 1e-6]))
-    position = shifted(reference, best)
+    best = learning.BestLap(3, 2e-6, np.full((101, 2), [-5e-6, 1e-6]))
+    position = learning.shifted(reference, best)
     np.testing.assert_allclose(position, place + [-5e-6, 1e-6], atol=1e-15)
-    lap = stored_lap(position, PERIOD, best, MachineLimits(speed=np.full(2, 0.5)), "XY")
+    lap = learning.stored_lap(position, PERIOD, best, MachineLimits(speed=np.full(2, 0.5)), "XY")
     assert lap is not None and lap.lap == 3
     assert lap.error_um == pytest.approx(2.0) and lap.largest_um == pytest.approx(5.0)
     assert lap.first_um == pytest.approx(26**0.5) and all(one.kept for one in lap.limits)
     tight = MachineLimits(speed=np.full(2, 0.3), acceleration=np.array([5.0, 1.0]))
-    late = stored_lap(position, PERIOD, best, tight, "XY")
+    late = learning.stored_lap(position, PERIOD, best, tight, "XY")
     assert late is not None and exceeded(late.limits) == [
         "speed of X that the reference asks for EXCEEDS its limit: 23880 of 18000 mm/min"
     ]
@@ -339,5 +328,8 @@ def test_a_shift_is_added_and_its_speed_and_acceleration_are_those_of_a_parabola
 
 def test_nothing_is_stored_where_the_first_lap_is_the_best():
     assert (
-        stored_lap(np.zeros((4, 2)), PERIOD, BestLap(1, 1e-6, np.zeros((4, 2))), NONE, "XY") is None
+        learning.stored_lap(
+            np.zeros((4, 2)), PERIOD, learning.BestLap(1, 1e-6, np.zeros((4, 2))), NONE, "XY"
+        )
+        is None
     )

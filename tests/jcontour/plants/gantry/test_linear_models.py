@@ -10,21 +10,8 @@ from scipy.signal import cont2discrete, ss2tf
 
 from jcontour._arrays import placed
 from jcontour.linear.plant import steady_motion
+from jcontour.plants.gantry import linear_models as models
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, thesis_gantry, untwisted
-from jcontour.plants.gantry.linear_models import (
-    MotorEncoders,
-    X,
-    Y,
-    control_oriented,
-    currents_along,
-    disturbances,
-    drive_response,
-    motor_model,
-    motor_schedule,
-    straight_beam_currents,
-    tangent,
-    tool_plant,
-)
 from tests.reference_data import numbers_of
 
 DT = 2e-3
@@ -33,9 +20,9 @@ DT = 2e-3
 def test_reference_models(reference_gantry):
     """Continuous and sampled, both parts; inputs and disturbances each in their columns."""
     for head, wanted in numbers_of("gantry/linear")["linear"].items():
-        axis = X if head == "x_axis" else Y
+        axis = models.X if head == "x_axis" else models.Y
         columns = (0,) if head == "x_axis" else (1, 2)
-        model = control_oriented(reference_gantry, 0.3 if head == "x_axis" else float(head))
+        model = models.control_oriented(reference_gantry, 0.3 if head == "x_axis" else float(head))
         for one, names in ((model, "ABE"), (model.sampled(DT), ("Ad", "Bd", "Ed"))):
             A, B, E = (np.asarray(matrix) for matrix in one)
             for found, name in (
@@ -56,7 +43,8 @@ def test_reference_resonances(reference_gantry):
             ("full", reference_gantry.head_mass * float(head)),
         ):
             numerator, denominator = (
-                np.roots(row) for row in drive_response(reference_gantry, float(head), coupling)
+                np.roots(row)
+                for row in models.drive_response(reference_gantry, float(head), coupling)
             )
             swinging = denominator[np.abs(denominator.imag) > 0]
             np.testing.assert_allclose(
@@ -72,12 +60,14 @@ def test_reference_resonances(reference_gantry):
 def test_the_response_is_that_of_the_model(odd_gantry):
     """(5.12) with coupling and unequal drives against SciPy's transfer function."""
     head, coupling = 0.3, 17.0 * 0.3 - (13.0 - 31.0) * 0.6
-    A, B, _ = (np.asarray(matrix) for matrix in control_oriented(odd_gantry, head))
+    A, B, _ = (np.asarray(matrix) for matrix in models.control_oriented(odd_gantry, head))
     speed = [[0, 1, 0, -0.6]]
-    numerator, denominator = ss2tf(A[np.ix_(Y, Y)], B[np.ix_(Y, (1,))], speed, [[0.0]])
+    numerator, denominator = ss2tf(
+        A[np.ix_(models.Y, models.Y)], B[np.ix_(models.Y, (1,))], speed, [[0.0]]
+    )
     s = 2j * np.pi * np.array([1.0, 10.0, 40.0, 90.0])
-    ours = np.polyval(drive_response(odd_gantry, head, coupling)[0], s) / np.polyval(
-        drive_response(odd_gantry, head, coupling)[1], s
+    ours = np.polyval(models.drive_response(odd_gantry, head, coupling)[0], s) / np.polyval(
+        models.drive_response(odd_gantry, head, coupling)[1], s
     )
     np.testing.assert_allclose(
         ours, np.polyval(numerator[0], s) / np.polyval(denominator, s), rtol=1e-9
@@ -93,7 +83,7 @@ def test_the_tangent_is_the_derivative_of_the_equation_of_motion(odd_gantry):
         )
 
     A, B = jax.jacfwd(rates, argnums=(0, 1))(jnp.array([head, 0.1, 0, 0, 0, 0]), jnp.zeros(3))
-    found = tangent(odd_gantry, head)
+    found = models.tangent(odd_gantry, head)
     np.testing.assert_allclose(found.A, A, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(found.B, B, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(
@@ -103,9 +93,9 @@ def test_the_tangent_is_the_derivative_of_the_equation_of_motion(odd_gantry):
 
 def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     p, head = thesis_gantry(), 0.4
-    plant, model = Gantry(p, DT, substeps=40), tool_plant(p, head, DT)
+    plant, model = Gantry(p, DT, substeps=40), models.tool_plant(p, head, DT)
     A, B, _, _, _ = cont2discrete(
-        (*(np.asarray(m) for m in tangent(p, head)[:2]), np.eye(6), np.zeros((6, 3))), DT
+        (*(np.asarray(m) for m in models.tangent(p, head)[:2]), np.eye(6), np.zeros((6, 3))), DT
     )
     np.testing.assert_allclose(model.A, A, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(model.B, B, rtol=1e-9, atol=1e-15)
@@ -120,9 +110,9 @@ def test_the_tangent_plant_follows_the_gantry_for_small_motions():
 def test_a_head_beyond_the_beam_is_named():
     wanted = r"^head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"
     with pytest.raises(ValueError, match=wanted):
-        control_oriented(thesis_gantry(), 1.0)
+        models.control_oriented(thesis_gantry(), 1.0)
     with pytest.raises(ValueError, match="^dt:"):
-        tool_plant(thesis_gantry(), 0.0, -1.0)
+        models.tool_plant(thesis_gantry(), 0.0, -1.0)
 
 
 MOTOR_COORDINATES_DT, HEAD = 2e-3, -0.31
@@ -138,11 +128,11 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
             [state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))]
         )
 
-    T = np.asarray(jax.jit(jax.jacfwd(MotorEncoders(odd_gantry)))(rest))
+    T = np.asarray(jax.jit(jax.jacfwd(models.MotorEncoders(odd_gantry)))(rest))
     A, B = map(np.asarray, jax.jit(jax.jacfwd(rates, (0, 1)))(rest, still))
     discrete = expm(MOTOR_COORDINATES_DT * np.block([[A, B], [np.zeros((3, 9))]]))
     C = np.pad(np.asarray(jax.jit(jax.jacfwd(odd_gantry.tool))(rest[:3])), ((0, 0), (0, 3)))
-    model = motor_model(odd_gantry, HEAD, MOTOR_COORDINATES_DT)
+    model = models.motor_model(odd_gantry, HEAD, MOTOR_COORDINATES_DT)
     np.testing.assert_allclose(
         model.A, T @ discrete[:6, :6] @ np.linalg.inv(T), rtol=1e-9, atol=1e-11
     )
@@ -152,10 +142,10 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
 
 def test_steady_motion_is_what_the_encoders_read(odd_gantry):
     position, increment = jnp.array([0.2, -0.05]), jnp.array([3e-4, -5e-4])
-    read = MotorEncoders(odd_gantry)(
+    read = models.MotorEncoders(odd_gantry)(
         untwisted(odd_gantry, position, increment / MOTOR_COORDINATES_DT)
     )
-    model = motor_model(odd_gantry, 0.2, MOTOR_COORDINATES_DT)
+    model = models.motor_model(odd_gantry, 0.2, MOTOR_COORDINATES_DT)
     np.testing.assert_allclose(
         steady_motion(model).state(position, increment), read, rtol=0, atol=1e-15
     )
@@ -166,18 +156,18 @@ def test_points_outside_the_beam_are_refused(odd_gantry):
     with pytest.raises(
         ValueError, match=r"points: the head runs from -0.6 to 0.6 m along the beam, received 0.7 m"
     ):
-        motor_schedule(odd_gantry, [0.0, 0.7], MOTOR_COORDINATES_DT)
+        models.motor_schedule(odd_gantry, [0.0, 0.7], MOTOR_COORDINATES_DT)
     with pytest.raises(ValueError, match="head: the head runs"):
-        motor_model(odd_gantry, -0.61, MOTOR_COORDINATES_DT)
+        models.motor_model(odd_gantry, -0.61, MOTOR_COORDINATES_DT)
 
 
 def test_models_between_two_points_are_of_second_order():
     """Half the distance of the points, a quarter of the interpolation error."""
     p, middle = thesis_gantry(), 0.05
-    wanted = motor_model(p, middle, MOTOR_COORDINATES_DT).A
+    wanted = models.motor_model(p, middle, MOTOR_COORDINATES_DT).A
 
     def error(gap):
-        schedule = motor_schedule(p, [middle - gap, middle + gap], MOTOR_COORDINATES_DT)
+        schedule = models.motor_schedule(p, [middle - gap, middle + gap], MOTOR_COORDINATES_DT)
         found = schedule.along(jnp.array([[middle, 0.0]])).A[0]
         return float(jnp.abs(found - wanted).max())
 
@@ -189,7 +179,7 @@ def test_the_beam_stays_straight_and_the_tool_accelerates_as_wanted():
     position, speed = np.array([[0.3, -0.1]]), np.array([[0.2, -0.4]])
     acceleration = np.array([[1.5, -2.0]])
     (control,) = np.asarray(
-        straight_beam_currents(p, *map(placed, (position, speed, acceleration)))
+        models.straight_beam_currents(p, *map(placed, (position, speed, acceleration)))
     )
     q = np.array([0.3, -0.1 + float(p.tool_offset), 0.0])
     v = np.array([0.2, -0.4, 0.0])
@@ -201,7 +191,7 @@ def test_a_steady_motion_takes_its_friction_and_rest_takes_nothing():
     p, dt = thesis_gantry(), 1e-2
     steps = np.concatenate([np.zeros(3), np.ones(5)])
     position = np.cumsum(steps)[:, None] * np.array([1e-3, 2e-3])
-    found = np.asarray(currents_along(p, placed(position), dt))
+    found = np.asarray(models.currents_along(p, placed(position), dt))
     assert found.shape == (8, 3)
     np.testing.assert_allclose(found[0], 0.0, atol=1e-12)
     head = float(p.head_viscous * 0.1 / p.head_constant)
@@ -212,7 +202,7 @@ def test_a_steady_motion_takes_its_friction_and_rest_takes_nothing():
 def test_the_head_stays_on_the_beam():
     none = placed(np.zeros((1, 2)))
     with pytest.raises(ValueError, match="position: the head runs from"):
-        straight_beam_currents(thesis_gantry(), placed(np.array([[1.0, 0.0]])), none, none)
+        models.straight_beam_currents(thesis_gantry(), placed(np.array([[1.0, 0.0]])), none, none)
 
 
 DISTURBANCES_HEAD = 0.25
@@ -220,7 +210,7 @@ LOW = np.array([0.2, -0.1, -2.5e-3, -0.3, -0.3, -0.05, -10, -10, -10])
 HIGH = np.array([0.3, 0.1, 2.5e-3, 0.3, 0.3, 0.05, 10, 10, 10])
 
 
-acceleration, disturbed = jax.jit(EquationOfMotion.acceleration), jax.jit(disturbances)
+acceleration, disturbed = jax.jit(EquationOfMotion.acceleration), jax.jit(models.disturbances)
 
 
 def drawn(seed):
@@ -231,7 +221,7 @@ def drawn(seed):
 def test_the_linear_model_is_exact_under_them(machine, request):
     """dx/dt = A x + B u + E d of (5.13)-(5.15) gives the accelerations of (5.7)-(5.9)."""
     p = request.getfixturevalue(machine)
-    A, B, E = (np.asarray(matrix) for matrix in control_oriented(p, DISTURBANCES_HEAD))
+    A, B, E = (np.asarray(matrix) for matrix in models.control_oriented(p, DISTURBANCES_HEAD))
     motion = EquationOfMotion.of(p)
     for seed in range(10):
         z = drawn(seed)
@@ -239,7 +229,7 @@ def test_the_linear_model_is_exact_under_them(machine, request):
         d = np.asarray(disturbed(p, DISTURBANCES_HEAD, z[:6], z[6:]))
         found = (A @ z[:6] + B @ z[6:] + E @ d)[3:]
         np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-10 * np.abs(wanted).max())
-    assert set(X) | set(Y) == set(range(6))
+    assert set(models.X) | set(models.Y) == set(range(6))
 
 
 def test_the_thesiss_terms(reference_gantry):
