@@ -148,9 +148,8 @@ def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray
     """Complex response from the axis's own control to its position, over frequency [Hz]."""
     A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
     z = np.exp(2j * np.pi * frequency * model.dt)
-    return np.array(
-        [complex(C[axis] @ np.linalg.solve(one * np.eye(len(A)) - A, B[:, axis])) for one in z]
-    )
+    state = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B[:, [axis]])
+    return (C[axis] @ state)[:, 0]
 
 
 def step_response(model: LinearPlant, axis: int, steady: Steady) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 from rich.console import Console
 
@@ -128,6 +129,7 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
             console.print(f"{index + 1} of {len(ranking.designs)}: {name}")
             rows.append(_row(ranking, name, place, console))
             run_folder.write_json(place / ROW, to_json(rows[-1]))
+            jax.clear_caches()  # programs of all controllers: more maps of memory than Linux gives
     machine, rows = ranking.machine, sorted(rows, key=_place)
     return RankedResult(
         machine=machine_summary(machine),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
@@ -104,7 +105,10 @@ def test_a_controller_that_cannot_be_tuned_has_a_reason(machine_file, part_file,
     )
     asked = ranking_of(flags)  # one that can be tuned is enough
     first = dict([next(iter(asked.designs.items()))])
+    before = jax.jit(lambda x: -x)
+    before(1.0)
     rows = ranked(replace(asked, designs=first), tmp_path, console_of(quiet=True))
+    assert not before._cache_size()  # nor are programs kept from controller to controller
     (row,) = rows.rows
     assert row.label.endswith("Nothing")
     assert "no free weights" in row.failure and row.held_out is None
