@@ -68,6 +68,7 @@ class ArtificialReferenceMPC(Controller):
     weights: tuple[Float[Array, "n n"], Float[Array, "p p"], Float[Array, "n n"]]
     pull: Float[Array, ""]
     loop: GovernedLoop
+    row_limit: Float[Array, ""]  # of every row of the program, over its limit
     limits: LoopLimits = eqx.field(static=True)
     preview: int = eqx.field(static=True)
 
@@ -89,7 +90,11 @@ class ArtificialReferenceMPC(Controller):
         if not says_all(self.loop, limits):
             raise ValueError(f"steps: {steps} are too few for the end of the horizon to say all")
         self.limits, self.preview = limits, whole_preview(horizon)
-        self.pull = jnp.asarray(pull, float)
+        self.pull, self.row_limit = jnp.asarray(pull, float), jnp.ones(())
+
+    def without_planned_limits(self) -> "ArtificialReferenceMPC":
+        """The plan that no limit bends."""
+        return eqx.tree_at(lambda one: one.row_limit, self, jnp.asarray(jnp.inf))
 
     def prepare(self, reference: Reference) -> Float[Array, "T N m"]:
         """Wanted positions of samples 1..N of every step [m].
@@ -148,7 +153,8 @@ class ArtificialReferenceMPC(Controller):
         h_end = none(n + m).at[n:].set(-pull * wanted[-1])
         D, resting, centre, acting, soft = self._rows(unit)
         middle = centre - resting @ memory.reference
-        lower, upper = (jnp.where(acting, sign + middle[None], sign * jnp.inf) for sign in (-1, 1))
+        most = jnp.where(acting, self.row_limit, jnp.inf)
+        lower, upper = middle[None] - most, middle[None] + most
         start = jnp.concatenate([state - target.state @ memory.reference, none(m)])
         H = jnp.broadcast_to(stage / pull, (N, *stage.shape))
         penalty = jnp.where(soft, PRICE, jnp.inf)

@@ -26,12 +26,8 @@ from tuning.problem import Problem
 from tuning.tuner import Price, Tuned
 
 START, TUNED = "start", "tuned"  # loops of a contour's metrics
-OF_AXES = (
-    "speed of",
-    "acceleration of",
-    "control of",
-    "control increment of",
-)  # limits that a calmer motion keeps
+# limits that a calmer motion keeps
+OF_AXES = ("speed of", "acceleration of", "control of", "control increment of")
 WORSE = 1.01  # ratio to the loop compared with: less is no change
 PAYS = 1.1  # from which on one contour pays for the others: what is as good keeps below it
 ASKED = {"increment": "change of its control"}  # limit that is called otherwise
@@ -71,9 +67,7 @@ class Evidence:
     delay: int = 0  # margin that is asked for [samples]
     alone: bool = False  # whether the weights were tried on a single plant
     finest: float = 0.0  # difference of errors that the encoders of all axes can tell [m]
-    limit: str = (
-        ""  # bound of the search that the weights exceed most; empty where they exceed none
-    )
+    limit: str = ""  # bound of the search that they exceed most; empty where they exceed none
     allowing: str = ""  # flag and value that allow what the weights reach, see `flag_allowing`
     feed_law: str = "jerk"  # of the motions
     lasting: float = 0.0  # samples in which an offset of the tool dies out to a third

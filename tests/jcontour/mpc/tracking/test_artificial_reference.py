@@ -1,12 +1,13 @@
 """Tracking MPC with an artificial reference: any reference is feasible, no limit is broken."""
 
-from functools import cache
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.analysis.frozen_loops import linear_law
 from jcontour.controllers.feedback.governor import LoopLimits, enough_steps
 from jcontour.controllers.feedback.state_feedback import lq_gain
 from jcontour.mpc.tracking.artificial_reference import ArtificialMemory, ArtificialReferenceMPC
@@ -15,7 +16,7 @@ from jcontour.qp.solvers import DAQP
 from tests.canonical import plant
 
 CONTROL, OUTPUT, HORIZON = 0.3, 6e-3, 4
-STEPS = 16
+STEPS, FAR = 16, jnp.full((HORIZON, 1), 2e-2)  # [m]: the control meets its limit
 
 
 @cache
@@ -59,10 +60,8 @@ def test_a_plan_is_that_of_another_solver():
     controller, machine = law(), plant(1)
     state = machine.initial_state(jnp.array([1e-3]), jnp.array([1e-4]))
     memory = ArtificialMemory(jnp.array([1e-3]), jnp.zeros((), int))
-    qp = controller.problem(memory, jnp.full((HORIZON, 1), 2e-2), state)
-    actual = np.asarray(
-        controller.answer(memory, jnp.full((HORIZON, 1), 2e-2), state).trajectory.stages
-    )
+    qp = controller.problem(memory, FAR, state)
+    actual = np.asarray(controller.answer(memory, FAR, state).trajectory.stages)
     A, B, x0 = (np.asarray(one) for one in (qp.A, qp.B, qp.x0))
     n, p, N = len(A), B.shape[1], HORIZON
     S, T = [np.eye(n)], [np.zeros((n, N * p))]
@@ -86,20 +85,19 @@ def test_a_plan_is_that_of_another_solver():
     H += T[N].T @ np.asarray(qp.H_end) @ T[N]
     g += T[N].T @ (np.asarray(qp.H_end) @ S[N] @ x0 + np.asarray(qp.h_end))
     free = np.full(N * p, np.inf)
-    solved = DAQP().solve(
-        QP(
-            H,
-            g,
-            np.concatenate(rows),
-            np.concatenate(low),
-            np.concatenate(high),
-            -free,
-            free,
-        )
-    )
+    constraints = (np.concatenate(one) for one in (rows, low, high))
+    solved = DAQP().solve(QP(H, g, *constraints, -free, free))
     other = solved.z.reshape(N, p)
     np.testing.assert_allclose(actual[:, n:], other, rtol=1e-5, atol=1e-7 * np.abs(other).max())
     assert np.abs(other[:, 0]).max() > 0.9 * CONTROL
+
+
+def test_a_frozen_loop_is_that_of_the_plan_without_limits():
+    controller, memory = law(), ArtificialMemory(jnp.zeros(1), jnp.zeros((), int))
+    rest = jnp.zeros(plant(1).states)
+    at_limit, calm = (linear_law(controller, row, memory, rest)[0] for row in (FAR, 0.0 * FAR))
+    jax.tree.map(partial(np.testing.assert_allclose, rtol=1e-6, atol=1e-9), at_limit, calm)
+    assert np.abs(calm.D).min() > 0.1
 
 
 def test_too_few_steps_are_refused():
