@@ -100,7 +100,7 @@ class StateDesign(Design[Machine]):
         return self.replaced(observed=observed, start=self.start | observed.start)
 
     def settings(self) -> dict[str, Any]:
-        return {**self.observed.settings(), **super().settings()}
+        return {**self.observed.settings(), "terminal": None, **super().settings()}
 
     def quadratic(self, weights: Weights) -> Quadratic:
         """Model of the law and its cost."""
