@@ -79,6 +79,7 @@ def test_friction_stops_every_plant_of_the_family_and_no_linear_one(known_delay)
     shares = np.array([coasted(plant, start) for plant in plants]) / ways
     assert np.all((0.95 / 1.1 < shares) & (shares < 1.05 / 0.9)), shares
     free = replace(rough, stribeck=(0.2, 1e-3)).frictionless
+    assert free.mechanics is rough.model
     for plant in (rough.exact_family()[-1], rough.nominal(), free.true_family()[1]):
         np.testing.assert_allclose(coasted(plant, start), 500 * start, rtol=1e-9)
 
