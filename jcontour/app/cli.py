@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:  # what ends a command from outside ends it as Ctrl-C does
         for one in (signal.SIGINT, signal.SIGTERM):
             signal.signal(one, _interrupt)
-        sys.unraisablehook = _lost
+        sys.unraisablehook = _unraisable
     with warnings.catch_warnings():
         warnings.showwarning = _print_warning
         # numbers of a loop that diverges: its result says so
@@ -124,7 +124,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _lost(raised: Any) -> None:
+def _unraisable(raised: Any) -> None:
     """What a destructor raised: an interruption comes again, objects left half made are no news."""
     if issubclass(raised.exc_type, KeyboardInterrupt):
         threading.Timer(0.01, _thread.interrupt_main).start()
